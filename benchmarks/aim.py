@@ -9,7 +9,6 @@ short of the best, as quantiles over all, and the worst. A distance that aim ref
 distances at which the search finds under 0.05 points do not count.
 """
 
-import argparse
 import sys
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ import jax
 import numpy as np
 
 import truearc as ta
+from benchmarks.options import read_options
 from truearc.cli.common import make_progress
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.infer.belief import point_belief
@@ -169,10 +169,7 @@ def shortfalls(case: Case) -> list[float]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rigs", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=1000, help="of the first rig")
-    args = parser.parse_args()
+    args = read_options(__doc__, rigs=1000, seed=(1000, "of the first rig"))
     show, judged = make_progress("aim"), list[list[Judged]]()
     for seed in range(args.seed, args.seed + args.rigs):
         judged.append(judge(make_case(seed)))

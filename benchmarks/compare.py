@@ -19,6 +19,7 @@ import msgspec
 import numpy as np
 
 import truearc as ta
+from benchmarks.options import add_options
 from truearc.robot.config.rig_spec import Ball
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
@@ -151,9 +152,8 @@ def _error_of(dataset: Dataset, lefts: Sequence[Left], forecasts: Sequence[Forec
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dir", type=Path, help="folder of the recordings")
-    parser.add_argument("--steps", type=int, default=STEPS, help=f"of the calibration's chains ({STEPS})")
-    parser.add_argument("--left", type=int, help="leave out the first N radii and the first N heights only")
-    args = parser.parse_args()
+    args = add_options(parser, steps=(STEPS, f"of the calibration's chains ({STEPS})"),
+                       left=(int, "leave out the first N radii and the first N heights only")).parse_args()
     keep_compiled()
     rows = falls(args.dir / "sepia_ball_drop", args.steps, args.left)
     print(make_markdown(HEAD, [(DATA, *row) for row in rows]))

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
-from benchmarks.worlds import Line, fill_and_tell, parser_of
+from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.cli.common import SHIPPED
 from truearc.cli.demo_acts import EFFECTS, NOTHING, Act, Sizes, WorldChange, play_event, practise
 from truearc.robot.config.rig_spec import Rig
@@ -116,11 +116,8 @@ def _cells(act: str, rows: Sequence[Row], adjusted: dict[tuple[int, str], float]
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
-    parser.add_argument("--seeds", type=int, default=30)
-    parser.add_argument("--first", type=int, default=1000, metavar="SEED", help="the first seed; the next is one more")
-    parser.add_argument("--quick", action="store_true", help="a few of the shots, and one event: to try this script")
-    args = parser.parse_args()
+    args = read_args(__doc__, seeds=30, first=(1000, "seed; the next is one more"),
+                     quick=(False, "a few of the shots, and one event: to try this script"))
     sizes, events = (Sizes(16, 0, 12, 4), EVENTS[1:2]) if args.quick else (Sizes(), EVENTS)
     jobs = {f"{seed}/{sizes.practice}": seed for seed in range(args.first, args.first + args.seeds)}
     return fill_and_tell(args, lambda: jobs, partial(run, load_config(SHIPPED).rig, sizes, events), make_table)

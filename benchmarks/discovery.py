@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from benchmarks.worlds import KINDS, Job, Line, fill_and_tell, mark_job, parser_of, plan_jobs, world_of
+from benchmarks.worlds import KINDS, Job, Line, fill_and_tell, mark_job, plan_jobs, read_args, world_of
 from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover
@@ -76,15 +76,11 @@ def make_table(lines: Sequence[Line]) -> str:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
-    parser.add_argument("--what", default="all", help=f"kinds of worlds, comma-separated: {', '.join(KINDS)}, or all")
-    parser.add_argument("--level", default="L0,L1,L2")
-    parser.add_argument("--shots", default="300", help="shots a world; several, comma-separated, are all run")
-    parser.add_argument("--worlds", type=int, default=20, help="of every name (20)")
-    parser.add_argument("--only", help="names of nulls or effects, comma-separated; also those that cannot be seen")
-    parser.add_argument("--seed", type=int, default=0, help="below 1000 to develop on (0)")
-    parser.add_argument("--scale", type=float, help="of the typical effects (1; 0.25 at L2)")
-    args = parser.parse_args()
+    args = read_args(
+        __doc__, what=("all", f"kinds of worlds, comma-separated: {', '.join(KINDS)}, or all"), level="L0,L1,L2",
+        shots=("300", "a world; several, comma-separated, are all run"), worlds=(20, "of every name (20)"),
+        only=(str, "names of nulls or effects, comma-separated; also those that cannot be seen"),
+        seed=(0, "below 1000 to develop on (0)"), scale=(float, "of the typical effects (1; 0.25 at L2)"))
 
     def plan() -> dict[str, Job]:
         kinds, levels = tuple(KINDS) if args.what == "all" else args.what.split(","), args.level.split(",")

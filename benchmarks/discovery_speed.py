@@ -6,10 +6,10 @@ Each figure is the second run of its size, when all code is compiled. Detection:
 data in memory to the HTML page, of a world with an effect that is found and named (wheel droop).
 """
 
-import argparse
 import time
 from collections.abc import Callable
 
+from benchmarks.options import read_options
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import detect, discover, make_search
@@ -30,11 +30,6 @@ def detection(dataset: Dataset, catalogue: Catalogue = BUILT_IN) -> None:
     detect(fitted, make_search(dataset), lambda done, note: None)
 
 
-def report(dataset: Dataset) -> None:
-    """From data to page."""
-    make_report(dataset.name, discover(dataset))
-
-
 def second(run: Callable[[], None]) -> tuple[float, float]:
     """(wall, processor) seconds of the second of two runs."""
     run()
@@ -51,11 +46,7 @@ def smaller(believed: tuple[str, ...], count: int) -> Catalogue:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--shots", default="100,300,1000")
-    parser.add_argument("--level", default="L1")
-    parser.add_argument("--seed", type=int, default=5)
-    args = parser.parse_args()
+    args = read_options(__doc__, shots="100,300,1000", level="L1", seed=5)
     keep_compiled()
     print("| shots | terms | detection, s (processor) | report, s (processor) |\n|---|---|---|---|", flush=True)
     for shots in map(int, args.shots.split(",")):
@@ -64,7 +55,7 @@ def main() -> None:
             catalogue = smaller(dataset.facts.believe.terms, count)
             found = second(lambda dataset=dataset, catalogue=catalogue: detection(dataset, catalogue))
             whole = "" if len(catalogue.terms) < len(TERMS) else "{:.1f} ({:.1f})".format(
-                *second(lambda dataset=dataset: report(dataset)))
+                *second(lambda dataset=dataset: make_report(dataset.name, discover(dataset))))
             print(f"| {shots} | {len(catalogue.terms)} | {found[0]:.2f} ({found[1]:.2f}) | {whole} |", flush=True)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 import truearc as ta
-from benchmarks.worlds import Line, fill_and_tell, parser_of
+from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.cli.common import SHIPPED
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
@@ -156,12 +156,9 @@ def _naive(same: Sequence[Sequence[float]]) -> int:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
-    parser.add_argument("--practices", type=int, default=20, help="with sessions of the concealed worlds' engine")
-    parser.add_argument("--sessions", type=int, default=50, help="unchanged ones of each practice and kind")
-    parser.add_argument("--seasons", type=int, default=6, help="practices of MuJoCo's launcher")
-    parser.add_argument("--seed", type=int, default=700, help="of the first practice; the next has the next")
-    args = parser.parse_args()
+    args = read_args(__doc__, practices=(20, "with sessions of the concealed worlds' engine"),
+                     sessions=(50, "unchanged ones of each practice and kind"),
+                     seasons=(6, "practices of MuJoCo's launcher"), seed=(700, "of the first practice, and so on"))
     jobs: dict[str, Job] = {f"{kind}/{args.seed + number}/{args.sessions}": (kind, args.seed + number, args.sessions)
                             for number in range(args.practices) for kind in ("belief", "robot")}
     jobs |= {f"season/{args.seed + number}": ("season", args.seed + number, 1) for number in range(args.seasons)}

@@ -10,7 +10,6 @@ fewer rows than the original and no line of warning that the original does not h
 each bad case; `--case` runs one again and prints what it gives. Exit 1 when there is a bad one.
 """
 
-import argparse
 import contextlib
 import faulthandler
 import io
@@ -33,6 +32,7 @@ import msgspec
 
 from benchmarks import fuzz_mutators
 from benchmarks.fuzz_readers import READERS, Reader, make_originals
+from benchmarks.options import read_options
 from truearc.errors import InputError
 from truearc.sim.printed import make_text
 
@@ -135,13 +135,8 @@ class Fuzz:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=1.0)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="readers whose name has this word in it")
-    parser.add_argument("--case", default="", metavar="NAME:NUMBER", help="one case; --out takes the damaged file")
-    parser.add_argument("--out", type=Path, metavar="FILE")
-    args = parser.parse_args()
+    args = read_options(__doc__, minutes=1.0, seed=1, only=("", "readers whose name has this word in it"),
+                        case=("", "NAME:NUMBER, one case; --out takes the damaged file"), out=Path)
     name, _, number = args.case.partition(":")
     with tempfile.TemporaryDirectory(prefix="originals") as folder:
         maker = multiprocessing.get_context("spawn").Process(target=make_originals, args=(Path(folder),))

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
 from truearc.robot.aim_file import load_aim
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
@@ -163,8 +163,7 @@ def make_originals(home: Path) -> None:
     from truearc.sim.data.files import save_rig
     from truearc.sim.world.emulated_robot import emulate
 
-    launcher = Path(robot.__file__).parent / "launcher.toml"
-    config = load_config(launcher)
+    config = load_config(SHIPPED)
     emulate(config, home / "session", trials=3, seed=3)
     logs, tables, dataset, parquet, toml = (home / name for name in ("logs", "tables", "dataset", "parquet", "toml"))
     for folder in (logs, tables, dataset, parquet, toml):
@@ -176,8 +175,8 @@ def make_originals(home: Path) -> None:
     write_stranger_log(home / "session", logs / "plain.wpilog", feeder=False, every=2)
     _write_csv_logs(logs)
     _write_tables(tables, dataset, parquet)
-    shutil.copy(launcher, toml / "launcher.toml")
-    text = launcher.read_text(encoding="utf-8")
+    shutil.copy(SHIPPED, toml / "launcher.toml")
+    text = SHIPPED.read_text(encoding="utf-8")
     parts = {part.partition("]")[0]: f"[{part}" for part in text.split("\n[")}
     (toml / "camera.toml").write_text("\n".join(part for name, part in parts.items()
                                                 if name in ("camera", "tape", "vision")), encoding="utf-8")

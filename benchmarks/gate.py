@@ -10,7 +10,6 @@ and the quickest are reported, the latter being closest to an undisturbed machin
 Exits 1 when the p99 of a gate in its quickest round is over 50 microseconds.
 """
 
-import argparse
 import sys
 import tempfile
 import time
@@ -19,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.options import read_options
 from truearc.model_export.graph import export_weights
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.robot.gate import FEATURES, load_gate
@@ -77,11 +77,7 @@ def time_calls(rate: Rate, rows: list[list[float]]) -> np.ndarray:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--calls", type=int, default=5000, help="of each way in each round")
-    parser.add_argument("--rounds", type=int, default=12)
-    parser.add_argument("--shots", type=int, default=120, help="recorded shots to train on")
-    args = parser.parse_args()
+    args = read_options(__doc__, calls=(5000, "of each way in each round"), rounds=12, shots=(120, "to train on"))
     with tempfile.TemporaryDirectory() as folder:
         rates = make_rates(make_shots(args.shots), Path(folder))
         rows = np.random.default_rng(3).uniform([2.5, 0.4, 30.0], [8.0, 0.9, 54.0], (args.calls, 3)).tolist()

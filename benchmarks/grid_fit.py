@@ -7,7 +7,6 @@ score with hardly any pair) and `scoring` (those that score with cd 0.9, cl 0.06
 fly subsets, stated, and are scaled up to all flights; all of them take the law of motion from the terms of sim/physics.
 """
 
-import argparse
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -19,6 +18,7 @@ import numba
 import numpy as np
 from jax import lax
 
+from benchmarks.options import read_options
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Rig, Target, Wheel, WorldFacts
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.grid_fit import fit_grid, make_axis, make_scoring
@@ -40,11 +40,9 @@ STEP_S, LIMIT_S = 0.005, 3.0          # of the plain loops, as the paper's kind 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="dense check on every 8th row and column only")
-    parser.add_argument("--runs", type=int, default=7, help="of which the fastest counts (%(default)s)")
-    parser.add_argument("--launches", type=int, default=80, help="of each set; the published figures are of 80")
-    args = parser.parse_args()
+    args = read_options(__doc__, quick=(False, "dense check on every 8th row and column only"),
+                        runs=(7, "of which the fastest counts (7)"),
+                        launches=(80, "of each set; the published figures are of 80"))
     axis, count = make_axis(STEP), args.launches
     sets = {"random": draw_shots(count, 20261121, False), "scoring": draw_shots(count, 7, True)}
     print(f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} at the start")

@@ -17,7 +17,7 @@ from functools import partial
 import msgspec
 import numpy as np
 
-from benchmarks.worlds import Line, fill_and_tell, parser_of
+from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.cli.common import SHIPPED
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
@@ -96,13 +96,8 @@ def _name(effect: Line) -> str:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
-    parser.add_argument("--level", default="L1,L2")
-    parser.add_argument("--shots", type=int, default=300)
-    parser.add_argument("--unseen", type=int, default=200, help="shots of the other session (%(default)s)")
-    parser.add_argument("--worlds", type=int, default=10, help="of each kind")
-    parser.add_argument("--seed", type=int, default=11, help="of the first number of world; the next has the next")
-    args = parser.parse_args()
+    args = read_args(__doc__, level="L1,L2", shots=300, unseen=(200, "shots of the other session"),
+                     worlds=(10, "of each kind"), seed=(11, "of the first number of world; the next has the next"))
 
     seeds = [APART * (args.seed + number) for number in range(args.worlds)]
     return fill_and_tell(args, lambda: {f"{level}/{args.shots}/{seed}": (level, args.shots, seed, args.unseen)

@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.options import add_options
 from benchmarks.real_robot import PATIENT, ROOT, RealRobot, save_config
 from truearc.cli.common import SHIPPED
 from truearc.robot.config.schema import Config, load_config
@@ -42,13 +43,8 @@ WARM_S = 2.0                          # at the start: first images, first rows, 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--bare", nargs=2, help=argparse.SUPPRESS)
-    parser.add_argument("--trials", type=int, default=50)
-    parser.add_argument("--lateness", action="store_true")
-    parser.add_argument("--seconds", type=float, default=20.0, help="of each measurement")
-    parser.add_argument("--rates", default="100,200,500", help="ticks a second")
-    parser.add_argument("--loads", default="idle,busy")
-    parser.add_argument("--layouts", default="one,three")
-    args = parser.parse_args()
+    args = add_options(parser, trials=50, lateness=False, seconds=(20.0, "of each measurement"),
+                       rates=("100,200,500", "ticks a second"), loads="idle,busy", layouts="one,three").parse_args()
     if args.bare:
         sleep_only(Path(args.bare[0]), int(args.bare[1]))
     elif args.lateness:

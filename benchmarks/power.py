@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.worlds import Line, fill_and_tell, parser_of
+from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.finding import FALSE_ALARM
 from truearc.sim.discover.identifiability import sight_of
@@ -69,12 +69,7 @@ def make_table(lines: Sequence[Line]) -> str:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
-    parser.add_argument("--level", choices=("L0", "L1", "L2"), default="L1")
-    parser.add_argument("--worlds", type=int, default=8)
-    parser.add_argument("--shots", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=730)
-    args = parser.parse_args()
+    args = read_args(__doc__, level="L1", worlds=8, shots=300, seed=730)
     return fill_and_tell(args, lambda: {f"{args.level}/{args.shots}/{seed}": seed
                                         for seed in range(args.seed, args.seed + args.worlds)},
                          partial(run, args.level, args.shots), make_table)

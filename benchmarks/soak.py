@@ -9,7 +9,6 @@ largest sum of the robot's shares of memory (PSS: what several processes use cou
 clients of its page, is what the unit's MemoryMax is made of; `--folder` on a full disk shows what waits for room.
 """
 
-import argparse
 import re
 import statistics
 import sys
@@ -26,6 +25,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from benchmarks.options import read_options
 from benchmarks.real_robot import PATIENT, RealRobot, save_config
 from truearc.robot.config.schema import load_config
 from truearc.robot.recording.files import load_image, load_pictures
@@ -218,12 +218,8 @@ def soak(seconds: float, folder: Path, options: tuple[str, ...] = (), clients: i
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--folder", type=Path, help="where to record (default: the system's temporary folder)")
-    parser.add_argument("--gate", type=Path, help="to be loaded")
-    parser.add_argument("--clients", type=int, default=0, help="of the page")
-    args = parser.parse_args()
+    args = read_options(__doc__, minutes=60.0, folder=(Path, "to record in (default: the system's temporary folder)"),
+                        gate=(Path, "to be loaded"), clients=(0, "of the page"))
     options = ("--page", str(PORT), *(("--gate", str(args.gate.resolve())) if args.gate else ()))
     with tempfile.TemporaryDirectory(dir=args.folder) as name:
         sys.exit(0 if soak(60.0 * args.minutes, Path(name), options, args.clients) else 1)

@@ -5,13 +5,11 @@
 Rendered images come from hw/emulated, which shares no code with robot/vision.
 """
 
-import argparse
 import dataclasses
 import math
 import os
 import time
 from contextlib import suppress
-from pathlib import Path
 from random import Random
 
 import cv2
@@ -19,8 +17,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from benchmarks.fuzz_mutators import damage
-from truearc import robot
-from truearc.cli.common import make_progress
+from benchmarks.options import read_options
+from truearc.cli.common import SHIPPED, make_progress
 from truearc.cli.vision_images import decode_image
 from truearc.errors import InputError
 from truearc.hw.emulated.camera import NOTHING, Stage, outline_m, project
@@ -39,7 +37,6 @@ from truearc_proof.world.camera_damage import (
     second_goal,
 )
 
-HOME = Path(robot.__file__).parent
 BANDS_M = ((1, 2), (2, 3), (3, 5), (5, 7), (7, 9), (9, 12), (12, 16))
 LOOKS = {
     "usual": USUAL,
@@ -85,7 +82,7 @@ def shoot(config: Config, rng: np.random.Generator, distance_m: float, look: Loo
         look = _turned(look, believed, np.clip(rng.normal(size=2), -2, 2))
     lens = make_lens(believed)
     corners, _ = project(outline_m(make_tape(tape)), view.camera_from_target, lens)
-    camera = StagedCamera(Stage(NOTHING if absent else view), lens, make_tape(tape), 20.0, 0.0,
+    camera = StagedCamera(Stage(NOTHING if absent else view), lens, make_tape(tape),
                             int(rng.integers(1 << 31)), look=look)
     patches = {kind: kind(lens, corners, rng) for kind in kinds}
     camera.clutter(tuple(patch for some in patches.values() for patch in some))
@@ -138,14 +135,11 @@ def baseline(shot: Shot, config: Config) -> float | None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=200, help="in each band of distance, for each look")
-    parser.add_argument("--clutter", type=int, default=10_000, help="frames with distractors")
-    parser.add_argument("--files", type=int, default=10_000, help="mutated image files")
-    parser.add_argument("--plot", help="picture of errors over distance to write")
-    args = parser.parse_args()
+    args = read_options(__doc__, frames=(200, "in each band of distance, for each look"),
+                        clutter=(10_000, "frames with distractors"), files=(10_000, "mutated image files"),
+                        plot=(str, "picture of errors over distance to write"))
     cv2.setNumThreads(1)
-    config = load_config(HOME / "launcher.toml")
+    config = load_config(SHIPPED)
     speed(config, min(100, 10 * args.frames))
     errors = sweep(config, args.frames)
     if args.plot and len(errors):

@@ -32,7 +32,7 @@ def draw(scene: str, camera: CameraConfig, tape: Tape) -> tuple[Image, ...]:
     lens, shape = make_lens(camera), make_tape(tape)
     rise_m = tape.centre_height_m - camera.height_m
     view = place(NEAR_M if scene == "elsewhere" else LENS_M, rise_m, camera.pitch_deg)
-    staged = StagedCamera(Stage(NOTHING if scene == "black" else view), lens, shape, camera.fps, 0.0, 1)
+    staged = StagedCamera(Stage(NOTHING if scene == "black" else view), lens, shape, 1)
     staged.black(scene == "black")
     corners, _ = project(outline_m(shape), view.camera_from_target, lens)
     if scene == "two targets":

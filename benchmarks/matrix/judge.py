@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from benchmarks.matrix.devices import Seen
 from benchmarks.matrix.fault import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Key, Motion, Row, find
-from benchmarks.matrix.keys import judge_keys
+from benchmarks.matrix.keys import judge_keys, replays
 from benchmarks.matrix.motion import judge_motion
 from benchmarks.matrix.play import AIM, ends_robot, make_config
 from benchmarks.matrix.robot_side import AnswersAgain, RobotSide
@@ -22,10 +22,7 @@ from truearc.robot.config.schema import Config, read_axis
 from truearc.robot.reasons import text, texts
 from truearc.robot.recording.files import parse_candump
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay import Comparer, Difference, RecordedRows
 from truearc.robot.recording.session import CAN, load_trials
-from truearc.robot.rig import ReplayRig
-from truearc.robot.runtime import run
 from truearc.robot.types import Tick
 
 NS = 1e-9
@@ -196,9 +193,5 @@ def _judge_recording(row: Row, result: Result, folder: Path, ticks: list[Tick]) 
         answers = side.answers
         if side.failed and not ends_robot(row.breaking):
             result.wrong.append(f"the recording failed: {side.failed}")
-    rows = RecordedRows(TickReader(session))
     config = msgspec.json.decode((session / "config.json").read_bytes(), type=Config, dec_hook=read_axis)
-    try:
-        run(ReplayRig(rows), config, None if answers is None else AnswersAgain(answers), Comparer(rows))
-    except Difference as difference:
-        result.wrong.append(f"replays otherwise: {difference}")
+    result.wrong += replays(session, config, None if answers is None else AnswersAgain(answers))

@@ -152,8 +152,14 @@ def judge_keys(row: Row, trouble: Key, folder: Path, result: Any) -> None:
     result.recovery_s = None if again is None else (again - end_ns) / NS
     if again is None:
         result.wrong.append("never fired again")
-    rows = RecordedRows(TickReader(folder / "session"))
+    result.wrong += replays(folder / "session", make_config(trouble), AGREES, partial(advise_step, aims={}))
+
+
+def replays(session: Path, config: Config, gate: Any, *step: Any) -> list[str]:
+    """A sentence where it replays otherwise."""
+    rows = RecordedRows(TickReader(session))
     try:
-        run(ReplayRig(rows), make_config(trouble), AGREES, Comparer(rows), partial(advise_step, aims={}))
+        run(ReplayRig(rows), config, gate, Comparer(rows), *step)
     except Difference as difference:
-        result.wrong.append(f"replays otherwise: {difference}")
+        return [f"replays otherwise: {difference}"]
+    return []

@@ -168,7 +168,7 @@ def test_a_claim_after_the_seal_was_opened_counts_for_nothing(tmp_path, steps):
 
 @pytest.mark.parametrize(("change", "said"), [
     ({"asked": [{"measure": "the truth"}]}, "asked: measure: there is no 'the truth'"),
-    ({"schema": "truearc.claims/3"}, r"w1\.json: Invalid enum value 'truearc\.claims/3'")])
+    ({"schema": "truearc.claims/3"}, r"w1\.json: schema: .*truearc\.claims/3")])
 def test_claims_that_cannot_be_read_are_refused(tmp_path: Path, change: dict[str, object], said: str) -> None:
     room = Room(tmp_path)
     room.claims("w1").parent.mkdir()

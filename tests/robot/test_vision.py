@@ -36,7 +36,7 @@ class Scene:
         lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px,
                     camera.distortion)
         size = TapeSize(TAPE.top_width_m, TAPE.bottom_width_m, TAPE.height_m, TAPE.tape_width_m)
-        self.eye = StagedCamera(self.stage, lens, size, 20.0, 0.0, seed, look=look)
+        self.eye = StagedCamera(self.stage, lens, size, seed, look=look)
         self.t_ns = 0
 
     def place(self, distance_m: float, facing_deg: float = 0.0, bearing_deg: float = 0.0, focal_scale: float = 1.0,

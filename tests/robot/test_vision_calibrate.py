@@ -35,7 +35,7 @@ def picture(distance_m: float, seed: int) -> CameraFrame:
     camera = CONFIG.camera
     lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     view = place(distance_m, TAPE.centre_height_m - camera.height_m, camera.pitch_deg, bearing_deg=4.0)
-    return StagedCamera(Stage(view), lens, TAPE, 20.0, 0.0, seed).expose(0)
+    return StagedCamera(Stage(view), lens, TAPE, seed).expose(0)
 
 
 def fit(distances_m, taped_m, **how):

@@ -28,7 +28,7 @@ from truearc_proof.world.camera_damage import StagedCamera, place
 def picture() -> np.ndarray:
     camera, tape = CONFIG.camera, CONFIG.tape
     view = place(4.0, tape.centre_height_m - camera.height_m, camera.pitch_deg)
-    return StagedCamera(Stage(view), make_lens(camera), make_tape(tape), 20.0, 0.0, 1).expose(0).image
+    return StagedCamera(Stage(view), make_lens(camera), make_tape(tape), 1).expose(0).image
 
 
 @pytest.fixture

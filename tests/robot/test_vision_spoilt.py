@@ -29,7 +29,7 @@ def trial(rng: np.random.Generator, turn_deg_s: tuple[float, float], seed: int, 
     smear_px = CONFIG.camera.fx_px * exposure_s * np.radians(turn_deg_s)
     look = Look(turn_deg_s=turn_deg_s, readout_s=READOUT_S, smear_px=(-float(smear_px[0]), float(smear_px[1])))
     view = view_at(distance_m, camera.pitch_deg, facing_deg=rng.uniform(-30, 30), bearing_deg=rng.uniform(-7, 7))
-    eye = StagedCamera(Stage(view), make_lens(camera), make_tape(CONFIG.tape), 20.0, 0.0, seed, look=look)
+    eye = StagedCamera(Stage(view), make_lens(camera), make_tape(CONFIG.tape), seed, look=look)
     return distance_m, detect(eye.expose(0), camera, CONFIG.tape, CONFIG.vision)
 
 
@@ -92,7 +92,7 @@ def see(distance_m, seed=0, look=USUAL, tape=TAPE, hidden=(), **where):
     """The sighting of `tape` at that distance, with these patches of the target's plane hidden."""
     camera = replace(CAMERA, pitch_deg=24.0 if distance_m < 6 else 14.0)
     view = place(distance_m, RISE_M, camera.pitch_deg, **where)
-    eye = StagedCamera(Stage(view), LENS, tape, 20.0, 0.0, seed, look=look)
+    eye = StagedCamera(Stage(view), LENS, tape, seed, look=look)
     patches = [np.column_stack([points_m, np.zeros(len(points_m))]) for points_m in hidden]
     eye.clutter(tuple(Patch(project(points_m, view.camera_from_target, LENS)[0], (0, 0, 0)) for points_m in patches))
     return detect(eye.expose(0), camera, TAPE, VISION)

@@ -34,7 +34,7 @@ BLIND = {**SETTINGS, "hue_low": 0, "hue_high": 5}
 @pytest.fixture(scope="module")
 def image():
     view = place(4.0, CONFIG.tape.centre_height_m - CONFIG.camera.height_m, CONFIG.camera.pitch_deg)
-    return StagedCamera(Stage(view), make_lens(CONFIG.camera), make_tape(CONFIG.tape), 20.0, 0.0, 1).expose(0).image
+    return StagedCamera(Stage(view), make_lens(CONFIG.camera), make_tape(CONFIG.tape), 1).expose(0).image
 
 
 @pytest.fixture

@@ -101,13 +101,9 @@ def _play(args: argparse.Namespace, room: Room) -> int:
         solve_apart(args, args.out)
     if args.role in (None, "grade"):
         _tell(args, room, grade_round(room, make_progress("grade", args.quiet), args.processes, args.so_far))
-    print(f"{room.ledger}: {_head(room)}")
+    # to be told to the others, so that nothing in the ledger can be changed unseen from here on
+    print(f"{room.ledger}: {len(read_ledger(room.ledger))} lines, SHA-256 of the last: {last_digest(room.ledger)}")
     return 0
-
-
-def _head(room: Room) -> str:
-    """What to tell the others, so that nothing in the ledger can be changed unseen from here on."""
-    return f"{len(read_ledger(room.ledger))} lines, SHA-256 of the last: {last_digest(room.ledger)}"
 
 
 def _pack(args: argparse.Namespace, room: Room) -> int:
@@ -170,12 +166,10 @@ def _seal_own(args: argparse.Namespace, room: Room) -> int:
 def _plan(args: argparse.Namespace, room: Room) -> RoundPlan:
     """Return the plan that the round was begun with, or else the plan that the arguments state."""
     begun = load_plan(room) if room.plan.exists() else None
-    goes_on = begun is not None and args.seed in (None, begun.seed)
-    seed, drawn = (begun.seed, begun.entropy) if begun and goes_on else (_seed(args), args.seed is None)
-    return RoundPlan(seed, args.worlds, args.level, args.shots, tuple(args.engines.split(",")), drawn)
-
-
-def _seed(args: argparse.Namespace) -> int:
-    if args.seed is None and not args.seed_from_entropy:
+    if begun is not None and args.seed in (None, begun.seed):
+        seed, drawn = begun.seed, begun.entropy
+    elif args.seed is None and not args.seed_from_entropy:
         raise InputError("--seed N, or --seed-from-entropy")
-    return entropy() if args.seed is None else int(args.seed)
+    else:
+        seed, drawn = entropy() if args.seed is None else args.seed, args.seed is None
+    return RoundPlan(seed, args.worlds, args.level, args.shots, tuple(args.engines.split(",")), drawn)

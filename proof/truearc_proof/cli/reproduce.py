@@ -7,11 +7,11 @@ interrupted run continues.
 import argparse
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from truearc.cli.common import SHIPPED, make_progress, origin_of
 from truearc.errors import InputError
-from truearc.sim.printed import Progress
 from truearc_proof.reproduce import QUICK_DRAWS, Settings, quick
 
 MARK = ".truearc-reproduce"           # a folder with this in it was made by us and may be gone on with
@@ -42,10 +42,7 @@ def main(args: argparse.Namespace) -> int:
     from truearc_proof.reproduce.collect import collect, make_record
     settings = _settings(args)
     folder = _own_folder(args.out)
-
-    def progress(what: str) -> Progress:
-        return make_progress(what, args.quiet)
-
+    progress = partial(make_progress, quiet=args.quiet)
     if not args.quiet:
         print(page.OURS_NOT_THEIRS, flush=True)
     record = make_record(args.recordings or folder / "recordings", args.workers, progress)

@@ -79,20 +79,27 @@ def import_ball_drops(*files: str | Path) -> Dataset:
     InputError names file, line and column of each bad row.
 
     Frame: the fall is taken as vertical, x = y = 0, z up from the ground. `t_s` counts from each drop's first sample.
-    Each ball's own mass and radius are columns of the shots; rig.toml's ball is a typical one (`_typical`).
+    Each ball's own mass and radius are columns of the shots; rig.toml's ball is a typical one.
     """
     with gathered() as problems:
-        found = [drop for table in _tables(*map(Path, files), problems=problems) for drop in _drops(table, problems)]
+        drops, *balls = map(Path, files)
+        tables = load_sheets(drops, balls[0], problems) if balls else [load_table(drops, problems)]
+        found = [drop for table in tables for drop in _drops(table, problems)]
     kept = [drop for drop in found if len(drop.samples) >= SHORTEST]
     left_out = tuple(f"{drop.name}: fewer than {SHORTEST} samples" for drop in found if len(drop.samples) < SHORTEST)
     if not any(math.isfinite(drop.area_per_mass_m2_kg) for drop in kept):
         raise InputError(f"{files[0]}: no drop of {SHORTEST} samples has a ball of known mass_kg and diameter_m")
-    return Dataset("ball-drops", _rig(kept), _shots(kept), tracks_of([drop.track for drop in kept]), None, left_out)
-
-
-def _tables(drops: Path, balls: Path | None = None, *, problems: Problems) -> list[RawTable]:
-    """A workbook's sheets, where there is a list of balls beside it; else a table of all drops."""
-    return [load_table(drops, problems)] if balls is None else load_sheets(drops, balls, problems)
+    # rig.toml's ball: that of the median cross-section per mass (the lower of two), which the air slows as it does most
+    weighed = sorted((drop for drop in kept if math.isfinite(drop.area_per_mass_m2_kg)),
+                     key=lambda drop: drop.area_per_mass_m2_kg)
+    middle = weighed[(len(weighed) - 1) // 2]
+    rig = Rig(ball=Ball(middle.mass_kg, middle.radius_m), launcher=LauncherFacts(release_height_m=RELEASE_HEIGHT_M),
+              air=Air(1.2), noise=Noise(track_m=TRACK_NOISE_M), believe=Believe(("gravity", "drag")))
+    columns = {name: np.array([getattr(drop, name) for drop in kept])
+               for name in ("mass_kg", "radius_m", "area_per_mass_m2_kg")}
+    shots = Shots(tuple(drop.name for drop in kept), columns, {
+        "session": tuple(f"drop {drop.number}" for drop in kept), "ball_id": tuple(drop.ball for drop in kept)})
+    return Dataset("ball-drops", rig, shots, tracks_of([drop.track for drop in kept]), None, left_out)
 
 
 def _drops(table: RawTable, problems: Problems) -> list[_Drop]:
@@ -118,27 +125,6 @@ def _bodies(table: RawTable, ball: tuple[str, ...], problems: Problems) -> np.nd
             if not np.array_equal(value, before, equal_nan=True):
                 problems.add(table.place(row), column, f"{name!r} has another in {table.place(first[name])}")
     return body
-
-
-def _shots(drops: list[_Drop]) -> Shots:
-    columns = {name: np.array([getattr(drop, name) for drop in drops])
-               for name in ("mass_kg", "radius_m", "area_per_mass_m2_kg")}
-    return Shots(tuple(drop.name for drop in drops), columns,
-                 {"session": tuple(f"drop {drop.number}" for drop in drops),
-                  "ball_id": tuple(drop.ball for drop in drops)})
-
-
-def _typical(drops: list[_Drop]) -> Ball:
-    """The ball whose cross-section per mass is the median one (the lower of two): the air slows it as it does most."""
-    weighed = sorted((drop for drop in drops if math.isfinite(drop.area_per_mass_m2_kg)),
-                     key=lambda drop: drop.area_per_mass_m2_kg)
-    middle = weighed[(len(weighed) - 1) // 2]
-    return Ball(middle.mass_kg, middle.radius_m)
-
-
-def _rig(drops: list[_Drop]) -> Rig:
-    return Rig(ball=_typical(drops), launcher=LauncherFacts(release_height_m=RELEASE_HEIGHT_M), air=Air(1.2),
-                 noise=Noise(track_m=TRACK_NOISE_M), believe=Believe(("gravity", "drag")))
 
 
 def load_sheets(workbook: Path, balls: Path, problems: Problems) -> list[RawTable]:

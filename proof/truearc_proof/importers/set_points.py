@@ -8,6 +8,7 @@ import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -152,16 +153,6 @@ ROBOT_254 = Robot("254", {"laser_old_ball": "old", "laser_medium_ball": "medium"
 ROBOT_2910 = Robot("2910", {"west_valley": "", "shooter_tuning": ""}, lambda raw: raw, load_2910)
 
 
-def import_254(tables: str | Path) -> Dataset:
-    """Team 254 (2020), tables for old, medium and new balls, CSV or their Constants.java; as import_set_points."""
-    return import_set_points(tables, ROBOT_254)
-
-
-def import_2910(tables: str | Path) -> Dataset:
-    """Team 2910 (2020), CSV or their TargetWithShooterCommand.java; as import_set_points."""
-    return import_set_points(tables, ROBOT_2910)
-
-
 def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
     """One shot a set point, in the file's order; `ball_quality` where the team says for which ball it was tuned.
 
@@ -186,6 +177,10 @@ def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
                    np.array([robot.elevation_deg(raw) for raw in hood]), {}, texts)
     left_out = tuple(f"{table.place(row)}: extrapolated by the team" for row in guessed)
     return Dataset(f"frc-{robot.team}", _rig(), shots, left_out=left_out)
+
+
+# their Constants.java and TargetWithShooterCommand.java, or CSV
+import_254, import_2910 = (partial(import_set_points, robot=robot) for robot in (ROBOT_254, ROBOT_2910))
 
 
 def import_3476(history: str | Path) -> Dataset:
@@ -270,14 +265,11 @@ def import_971(speeds: str | Path) -> Dataset:
         need_columns(table, SPEEDS_971)
         speed_m_s, wheel_rad_s = (_positive(table, name, problems) for name in SPEEDS_971)
     wheels = tuple(Wheel(name, WHEEL_M, 1.0, clock_deg) for name, clock_deg in (("left", 270.0), ("right", 90.0)))
-    shots = Shots(_ids(table), {"hood_deg": np.full(len(speed_m_s), NO_ELEVATION_DEG), "wheel_left_rad_s": wheel_rad_s,
-                                "wheel_right_rad_s": wheel_rad_s, "exit_speed_m_s": speed_m_s}, {})
+    shots = Shots(tuple(f"{row:02d}" for row in range(1, len(speed_m_s) + 1)), {
+        "hood_deg": np.full(len(speed_m_s), NO_ELEVATION_DEG), "wheel_left_rad_s": wheel_rad_s,
+        "wheel_right_rad_s": wheel_rad_s, "exit_speed_m_s": speed_m_s}, {})
     return Dataset("frc-971", Rig(BALL, LauncherFacts(RELEASE_M, None, wheels), air=Air(1.2),
                                     believe=Believe(("gravity", "exit_efficiency"))), shots)
-
-
-def _ids(table: RawTable) -> tuple[str, ...]:
-    return tuple(f"{row + 1:02d}" for row in range(len(table.lines)))
 
 
 def _positive(table: RawTable, name: str, problems: Problems) -> np.ndarray:

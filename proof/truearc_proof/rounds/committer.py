@@ -19,7 +19,7 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from truearc.errors import InputError
+from truearc.errors import InputError, load_bytes, naming
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import load_dataset
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
@@ -205,12 +205,8 @@ def answer(drawn: Drawn, asked: Wanted, directory: Path) -> None:
 
 def load_plan(room: Room) -> RoundPlan:
     """InputError names the file and what is wrong with it."""
-    try:
-        return msgspec.json.decode(room.plan.read_bytes(), type=RoundPlan)
-    except OSError as error:
-        raise InputError(f"{room.plan}: {error.strerror}") from error
-    except msgspec.MsgspecError as error:
-        raise InputError(f"{room.plan}: {error}") from error
+    with naming(room.plan):
+        return msgspec.json.decode(load_bytes(room.plan), type=RoundPlan)
 
 
 def _make(half: Path, drawn: Drawn) -> str:
@@ -242,10 +238,8 @@ def seal_own(room: Room, world: Path, data: Path) -> str:
     catalogue has. InputError for what could never be marked, naming file and key, and for one of that name sealed
     already.
     """
-    try:
-        truth = msgspec.json.decode(world.read_bytes(), type=dict[str, Any])
-    except (OSError, msgspec.MsgspecError) as error:
-        raise InputError(f"{world}: {error}") from error
+    with naming(world):
+        truth = msgspec.json.decode(load_bytes(world), type=dict[str, Any])
     name, dataset = data.resolve().name, load_dataset(data)
     level = "L2" if dataset.tracks is not None else "L1" if dataset.traces is not None else "L0"
     whole = {**truth, "name": name, "engine": OWN, "level": level, "shots": len(dataset.shots), "seed": 0}

@@ -89,7 +89,7 @@ def test_what_changes_a_force_is_a_candidate_where_the_force_is_believed() -> No
 # --- residual
 
 COUNT, NOISE = 150, 0.1
-LEARNERS = {"gp": residual.Process, "boosted": partial(residual.Trees, 0)}
+LEARNERS = {"gp": residual.learn_process, "boosted": partial(residual.learn_trees, 0)}
 
 
 def made(signal: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -107,7 +107,7 @@ def test_a_sine_of_one_covariate_is_learnt_and_leant_on(name: str) -> None:
     left = np.std(residuals[:, 2] - foretold[:, 2])
     assert residual.gain_of_each(residuals, foretold).mean() > 0.2
     assert left < {"gp": 1.3, "boosted": 2.2}[name] * NOISE      # of 0.36 before
-    assert LEARNERS[name]().fit(table, residuals).leaning().argmax() == 1
+    assert LEARNERS[name](table, residuals).leaning().argmax() == 1
 
 
 @pytest.mark.parametrize("name", LEARNERS)
