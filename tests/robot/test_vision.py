@@ -49,10 +49,7 @@ class Scene:
 
     def frame(self) -> CameraFrame:
         self.t_ns += FRAME_NS
-        self.eye.step(self.t_ns)
-        frame = self.eye.read()
-        assert frame is not None
-        return frame
+        return self.eye.expose(self.t_ns)
 
     def look(self):
         return detect(self.frame(), self.camera, TAPE, VISION)
