@@ -31,6 +31,7 @@ REPEATS, REPEAT_NS = 3, 10 * NS_PER_S
 OVERSPEED, FREE_SPEED, PEAK_NS = 1.1, 1.05, 2 * NS_PER_S
 PEAK_STEP_NS = 100_000_000            # the time of the highest set point is kept to this
 DRIVING_A = 5.0                       # of Iq: twice what the shipped wheels' friction takes at full speed
+SLOW_RAD_S = 30.0                     # without a set point yet: noise, or turned by hand, is no overspeed
 BACKWARDS, HOOD_BACKWARDS = 0.05, 0.25            # shares of the set point and of the hood's limit, against the torque
 LAG_NS = 20_000_000                   # a torque shows in readings that are so much younger: two ticks and a reading
 FULL, FULL_NS = 0.8, 200_000_000      # share of the torque limit that moves every wheel, and how long it may not
@@ -112,7 +113,10 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     if not memory.armed:
         return Watch(FREE, FREE, doubts)
     t_ns = inputs.t_ns
-    last = MotionMemory(armed_t_ns=t_ns, active_t_ns=t_ns) if memory.motion is UNSET else memory.motion
+    last = memory.motion
+    if last is UNSET:                 # wheels may still turn from before
+        turning_rad_s = min(motor.velocity_rad_s for motor in inputs.flywheels)
+        last = MotionMemory(t_ns, t_ns, wheels=Joint(push_rad_s=turning_rad_s, push_t_ns=t_ns))
     axes, wheels, hood, cause, why = config.axes, last.wheels, last.hood, None, None
     # another controller's motors are not moved by our torques, nor released by us
     owns_wheels, owns_hood = any(
@@ -255,8 +259,9 @@ def _wheels(inputs: Inputs, wanted_rad_s: float, joint: Joint, asked_nm: float,
     peak, free = joint.peak_rad_s, config.rig.launcher.free_speed_rad_s or math.inf
     if max(fastest, -slowest) > FREE_SPEED * free:
         return joint, because.JOINT_OVERSPEED(joint=WHEELS, speed_rad_s=fastest, factor=FREE_SPEED, top_rad_s=free)
-    if fastest > OVERSPEED * peak and (asked_nm != 0.0 or _is_driven(inputs, config)
-                                       or slowest > joint.push_rad_s + BACKWARDS * peak):
+    top = max(OVERSPEED * peak, min(BACKWARDS * free, SLOW_RAD_S))
+    if fastest > top and (asked_nm != 0.0 or _is_driven(inputs, config)
+                          or slowest > joint.push_rad_s + BACKWARDS * peak):
         return joint, because.JOINT_OVERSPEED(joint=WHEELS, speed_rad_s=fastest, factor=OVERSPEED, top_rad_s=peak)
     if joint.push and slowest < min(joint.push * joint.push_rad_s, 0.0) - BACKWARDS * peak:
         return joint, because.JOINT_BACKWARDS(joint=WHEELS)

@@ -271,14 +271,14 @@ def _folders(running: Path) -> list[Path]:
 
 
 def _look(folder: Path) -> _Session | None:
-    """The session in a folder; None when the folder holds none."""
+    """The session in a folder; None when the folder holds none, or may not be looked into."""
     telemetry = folder / layout.TELEMETRY
     try:
-        layout.load_header(folder)
-    except InputError:                # of another program, or damaged as when the power fails
-        if not ((folder / layout.HEADER).is_file() and telemetry.is_file()):
-            return None
-    try:
+        try:
+            layout.load_header(folder)
+        except InputError:            # of another program, or damaged as when the power fails
+            if not ((folder / layout.HEADER).is_file() and telemetry.is_file()):
+                return None
         ended_s = (telemetry if telemetry.exists() else folder / layout.HEADER).stat().st_mtime
     except OSError:
         return None
@@ -309,4 +309,5 @@ def _delete_bulk(folder: Path) -> None:
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
         elif path.exists() or path.is_symlink():
-            path.unlink()
+            with contextlib.suppress(OSError):
+                path.unlink()

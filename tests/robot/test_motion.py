@@ -9,6 +9,7 @@ import math
 import random
 from collections.abc import Callable
 from copy import copy, deepcopy
+from random import Random
 from typing import Any
 
 import pytest
@@ -243,6 +244,34 @@ def test_old_errors_are_cleared_also_where_readings_are_good_long_after_arming_o
     assert not cleared and set(tick.command.flywheel_torque_nm for tick in launcher.ticks) == {0.0}
     launcher.run(4.0)
     assert cleared and abs(launcher.wheel_rad_s - SET_RAD_S) < 5.0 and not latched(launcher)
+
+
+@pytest.mark.parametrize("wait_s", [0.5, 1.5])
+def test_wheels_that_coast_are_armed_again_at_a_lower_set_point(wait_s: float) -> None:
+    launcher = running()
+    launcher.arm()
+    launcher.run(wait_s)
+    lower = replace(ROW, motor_ratio=ROW.motor_ratio * 0.6)
+    launcher.config = replace(AIMED, collect=replace(AIMED.collect, prescribed=(lower,)))
+    launcher.arm()
+    launcher.run(1.0)
+    assert launcher.memory.armed and not latched(launcher) and launcher.wheel_rad_s > 0.7 * SET_RAD_S
+
+
+@pytest.mark.parametrize("turned_rad_s", [0.0, 15.0])
+def test_noise_without_a_set_point_is_no_overspeed(turned_rad_s: float) -> None:
+    launcher, random = Launcher(), Random(1)
+    launcher.seen = False
+    launcher.spoil = lambda inputs: replace(inputs, flywheels=tuple(
+        replace(one, velocity_rad_s=one.velocity_rad_s + random.gauss(0.0, 0.3)) for one in inputs.flywheels))
+    launcher.run(0.2)
+    launcher.arm()
+    launcher.run(1.0)
+    launcher.wheel_rad_s = turned_rad_s
+    launcher.run(1.0)
+    launcher.seen = True
+    launcher.run(6.0)
+    assert not latched(launcher) and abs(launcher.wheel_rad_s - SET_RAD_S) < 5.0
 
 
 def test_three_releases_in_ten_seconds_latch_and_those_in_a_stall_do_not_count() -> None:
