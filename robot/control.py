@@ -1,4 +1,4 @@
-"""Control of the axes: Aim and Verdict to Command by flywheel and hood loops, homing, and one ball per feed request.
+"""Turns Aim and Verdict into a Command: flywheel and hood loops, homing, and one ball per feed request.
 
 An axis that truearc.robot.motion has released is not enabled; an axis that is not yet under control gets no torque.
 """

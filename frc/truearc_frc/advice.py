@@ -1,4 +1,4 @@
-"""Advice on NetworkTables keys: a RobotIo that discards commands, and each tick's verdict as topics."""
+"""Advice over NetworkTables: a RobotIo that discards commands, and a publisher of each tick's verdict."""
 
 import math
 import sys

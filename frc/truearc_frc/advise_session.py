@@ -1,4 +1,4 @@
-"""Session of `truearc advise`, which connects, records and runs until a signal, or only examines the keys."""
+"""The session of `truearc advise`: it connects and records until signalled, or only examines the keys."""
 
 import argparse
 import sys

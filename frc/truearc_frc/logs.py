@@ -1,4 +1,4 @@
-"""WPILOG as a source of `truearc import`. The reader is imported with the first file."""
+"""WPILOG as a source of `truearc import`. The reader is imported when the first file is read."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""ReadingTable of [nt4] in launcher.toml: camera, velocity, angle and published advice."""
+"""The ReadingTable for [nt4] in launcher.toml: camera, velocity, angle and published advice."""
 
 from collections.abc import Iterable
 from contextlib import ExitStack

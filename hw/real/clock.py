@@ -1,4 +1,4 @@
-"""Monotonic clock and retry pauses. No other file reads a clock."""
+"""The monotonic clock, the wall clock, and the pauses between retries."""
 
 import time
 from collections.abc import Iterator

@@ -1,7 +1,7 @@
-"""Rig specification: the contents of rig.toml and of [rig] in launcher.toml.
+"""The rig specification: the contents of rig.toml and of [rig] in launcher.toml.
 
-Users write these files, so an absent optional key takes the default stated here, and `unknown_keys` reports keys that
-this version does not define, so that the caller can warn; a wrong type or a missing required key is an error.
+Users write these files. Absent optional keys take the defaults stated here. `unknown_keys` lists unrecognised keys so
+that the caller can warn. A wrong type or a missing required key is an error.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Schema and hash of launcher.toml. It has no defaults, so that a misspelt key cannot silently become one."""
+"""The schema and hash of launcher.toml. No key has a default, so a misspelt key cannot silently fall back to one."""
 
 import hashlib
 from collections.abc import Sequence

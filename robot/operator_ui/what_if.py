@@ -1,7 +1,7 @@
 """What-if queries to the gate about arbitrary configurations: parsing, rate limits and answers.
 
-An answer is computed as in the tick: Gate.rate for one configuration at a time, and the verdict's reasons against it.
-Queries and answers never reach the tick.
+An answer is computed as in the tick: Gate.rate for one configuration at a time, and the reasons for which the verdict
+would hold it. Queries and answers never reach the tick.
 
 WhatIfProcess answers in a process of its own, so that neither the tick nor the recorder waits for the model. Its
 standard input is one end of a connection: it receives the text of a query, or None for the facts, and sends an answer.

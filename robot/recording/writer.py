@@ -1,7 +1,7 @@
-"""Writer of a session. The tick only encodes messages and passes them on; a keeper owns the files.
+"""The writer of a session, and the recorder in its own process. The tick only encodes messages.
 
-LaneKeeper writes the files in three threads of this process. FarKeeper is the control loop's end of a recorder in a
-separate process, where `Desk` receives its messages and passes their contents to a LaneKeeper.
+A keeper owns the files. LaneKeeper writes them in three threads of this process. FarKeeper is the control loop's end of
+a recorder in a separate process, where `Desk` receives its messages and passes their contents to a LaneKeeper.
 """
 
 import errno

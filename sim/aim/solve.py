@@ -1,4 +1,4 @@
-"""Search for the set point with the most expected points at each distance; of nearly equal ones, a smooth sequence.
+"""Finds the set point with the most expected points at each distance; among near-equal ones, a smooth sequence.
 
 The probability that a set point scores follows from the belief's forecast of the height at the target.
 """

@@ -1,4 +1,4 @@
-"""Robot log in memory, and detection of its shots by dips of a wheel's speed."""
+"""A robot log in memory, and the detection of its shots from dips in wheel speed."""
 
 from collections import deque
 from collections.abc import Iterable, Mapping

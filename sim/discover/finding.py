@@ -1,7 +1,7 @@
-"""Records that discovery writes, `truearc.finding/1` and `truearc.proposal/1`, and its defaults and limits.
+"""The records that discovery writes, `truearc.finding/1` and `truearc.proposal/1`, and its defaults and limits.
 
-It has no heavy imports, because the command line shows the defaults in --help. Fields that do not apply are None (null
-in JSON). A proposal changes nothing on a robot.
+This module has no heavy imports, because the command line shows the defaults in --help. Fields that do not apply are
+None (null in JSON). A proposal changes nothing on a robot.
 """
 
 import hashlib

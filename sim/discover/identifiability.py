@@ -1,9 +1,10 @@
-"""Identifiability of effects from a kind of data, by the expected Fisher information of every term.
+"""Which effects a kind of data can identify, by the expected Fisher information of every term.
 
 A term has the efficient information I_ee - I_en I_nn^-1 I_ne, the part that the fitted coefficients, scatters and
 random effects leave. Its score is normal with that variance, and an effect shifts it by size times information. An
-effect is detected if its score exceeds a simulated threshold: that of the largest score of all terms under no effect,
-at the share of the false-alarm rate that discovery allots to terms. Information grows with the number of shots.
+effect is detected if its score exceeds a simulated threshold for the largest score over all terms when no effect is
+present, at the share of the false-alarm rate that discovery allots to terms. Information grows with the number of
+shots.
 
 A planned season consists of configurations that reach the target under the belief, with the data to be recorded. Its
 outcomes do not matter: only the expected information is computed from it.

@@ -1,11 +1,12 @@
-"""Discovery: detection, localization and naming of a mismatch, and the gain of a simulation that includes it.
+"""Discovery: the detection, localization and naming of a mismatch, and the gain of a simulation that includes it.
 
 The belief from an investigation has fitted coefficients, every named effect, and their covariance.
 
-A later session may use different balls, and a fit with random effects of balls attributes much of a change of the robot
-to them, forecasting that session equally well. But the next session uses different balls again. A belief is therefore
-judged without the session's random effects of balls. If its forecasts are then worse by the 90 % interval, it is not
-adopted, even if it gains with this session's balls; if they are not worse, it is adopted even without such a gain.
+A later session may use different balls, and a fit with random effects of balls attributes much of any change in the
+robot to them, forecasting that session equally well. But the next session uses different balls again. A belief is
+therefore judged without the session's random effects of balls. If its forecasts are then worse, judged by the 90 %
+interval, it is not adopted, even if it gains with this session's balls; if they are not worse, it is adopted even
+without such a gain.
 
 Next it is judged by points (truearc.sim.discover.select.simulations): it is refused if hold-out shots aimed and gated
 with it would have scored fewer points than with the present belief. The mean decides, not its interval: keeping the

@@ -1,4 +1,4 @@
-"""Sweep of the network over amounts and weights of simulated data: the training runs and their results."""
+"""A sweep of training runs over amounts and weights of simulated data, and its results."""
 
 import math
 from collections.abc import Sequence

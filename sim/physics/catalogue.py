@@ -1,4 +1,4 @@
-"""Catalogue of hypotheses for fit, synth, discovery and the generic tests, in the order in which they act.
+"""The catalogue of hypotheses for fit, synth, discovery and the generic tests, in the order in which they act.
 
 A Catalogue is passed as a value to all code that refers to terms. The default is catalogue(): the built-in terms and
 those of installed distributions. An entry point names a term, a class of one, or an iterable of either; a file given by
@@ -8,8 +8,9 @@ the user defines them at module level:
     hood_flex = "truearc_hoodflex:HoodFlex"
 
 Every catalogue contains unexplained effects: fitted free changes of the launch, the distance or the flight. Each
-amplitude is multiplied by the circumstance of the term's name, which truearc.sim.infer.belief computes for every shot.
-Discovery does not test them as hypotheses. A curve's points are numbers like a term's: "curve.free_speed.0", ...
+amplitude is multiplied by the circumstance stored under the term's name, which truearc.sim.infer.belief computes for
+every shot. Discovery does not test them as hypotheses. A curve's points are parameters, like a term's:
+"curve.free_speed.0", ...
 """
 
 import copyreg

@@ -1,4 +1,4 @@
-"""Flight of the ball to a vertical plane by the paper's Eq. 4-10, integrated over time or over x.
+"""The flight of the ball to a vertical plane, following Eqs. 4-10 of the paper, integrated over time or over x.
 
 `fly` integrates over time. The plane is reached if the point mass crosses x = distance for the first time before it
 hits the floor (z = 0) and before it turns back (vx <= 0). docs/how-to/paper.md explains this choice.
@@ -7,7 +7,7 @@ hits the floor (z = 0) and before it turns back (vx <= 0). docs/how-to/paper.md 
 a small fixed number of steps, with cheap second derivatives. The flight continues through the floor; only a ball that
 has nearly turned back has no height.
 
-Compiled code does not contain the numbers of a rig (`apart`), so that it serves all rigs.
+`apart` separates a rig's numbers from the compiled code, so that one compilation serves all rigs.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Play the emulated robot."""
+"""Run the emulated robot."""
 
 from collections import Counter
 from collections.abc import Mapping

@@ -1,7 +1,7 @@
-"""Models of a repetition: the paper's simulator fitted to a draw, baselines, truearc's gate, and the paper's networks.
+"""The models of a repetition: the paper's simulator fitted to a draw, baselines, truearc's gate, the paper's networks.
 
-Baselines predict from the recorded configurations alone, each tuned by cross-validation. All classify into miss, two
-and three and return the gate's probabilities: p_two = P(two or three), p_three = P(three).
+Baselines predict from the recorded configurations alone, each tuned by cross-validation. Every model classifies shots
+as miss, two or three and returns the gate's probabilities: p_two = P(two or three), p_three = P(three).
 """
 
 import warnings

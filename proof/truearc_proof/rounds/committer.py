@@ -1,10 +1,11 @@
-"""Keeper of a round: draws worlds, commits to their truth, and makes and releases their data.
+"""The keeper of a round: it draws worlds, commits to their truth, and makes and releases their data.
 
 Only this process opens seals: workers receive the parts that they need, and write into a directory of their own
 (Room.half), which is moved when it is complete. A worker that outlives a killed keeper thus cannot corrupt the data of
 the next one.
 
-For external worlds, the truth stated by their makers is sealed with their data if it can be marked.
+For external worlds, the truth stated by their makers is sealed with their data; a truth against which no claim could be
+graded is refused.
 """
 
 import math

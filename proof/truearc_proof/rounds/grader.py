@@ -1,4 +1,4 @@
-"""Grader of a round: opens the seals of claimed worlds, detects changed files, and marks the other worlds.
+"""The grader of a round: it refuses a round with changed files, opens the seals of claimed worlds, and marks them.
 
 Tables use only the entries made in the ledger when the worlds were marked.
 """

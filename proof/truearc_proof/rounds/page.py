@@ -1,4 +1,4 @@
-"""Page of a round of proof, with its rates of correct claims and every commitment in its ledger."""
+"""The page of a proof round, with its rates of correct claims and every commitment in its ledger."""
 
 from collections.abc import Sequence
 from itertools import pairwise

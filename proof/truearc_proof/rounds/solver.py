@@ -1,8 +1,8 @@
-"""Solver of a round: discovery on data whose truth is sealed. It opens no file of the keeper.
+"""The solver of a round: discovery on data whose truth is sealed. It opens no file of the keeper.
 
-A permanent audit hook of the interpreter refuses them. It guards against accidents, not against malice: a subprocess,
-ctypes, or a library that opens files itself can bypass it. To run an untrusted solver, give it a copy of the round
-without keeper/, which is all that it needs (docs/how-to/challenge.md).
+A permanent interpreter audit hook blocks any attempt to open one. It guards against accidents, not against malice: a
+subprocess, ctypes, or a library that opens files itself can bypass it. To run an untrusted solver, give it a copy of
+the round without keeper/, which is all that it needs (docs/how-to/challenge.md).
 
 Workers return claims by value and this process writes them, so that a worker that outlives a killed solver cannot write
 at the same time as the next one.

@@ -1,6 +1,6 @@
-"""Seasons of the MuJoCo world with the additions of a proof: practice, ball tracks, wrong marks and lost frames.
+"""Seasons of the MuJoCo world with what a proof adds: practice, ball tracks, wrong marks and lost frames.
 
-`python -m truearc_proof.world.season` prints with what share of the wheels' speed balls leave.
+`python -m truearc_proof.world.season` prints the ratio of exit speed to wheel speed.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Covariates that residuals may depend on: every numeric column, quantities derived from it, and every text column.
+"""The covariates that residuals may depend on (numeric, derived and text columns), and weight functions over them.
 
 A test weights shots by a shape, a function of one covariate, of a group or of two covariates together. A shape is
 scaled and centred on the session under test; it can also be evaluated on the shots of another session.

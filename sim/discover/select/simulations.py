@@ -2,17 +2,19 @@
 
 Averages: choosing one of several likely names discards the information of the others and is often wrong (Hoeting et al.
 1999). An average of forecasts is not a simulation, and numbers averaged over names were never fitted, but a single
-simulation can forecast nearly the same. An unexplained effect is represented by a nameless term along its free curve.
+simulation can forecast nearly the same. An unexplained effect is represented by an unnamed term that follows the fitted
+free curve.
 
 Aim: a ball misses its forecast height by some error. At the speed that the belief requires for that place and hood, it
 would have missed the centre by the same error, provided that the error does not change between the two speeds. The
 forecast error of a hold-out shot is therefore the miss of the aimed ball, and the model provides only the difference
 between two neighbouring set points (as in doubly robust off-policy evaluation, Dudik et al. 2014). An outcome does not
-determine the error within its class; there it is distributed as under both beliefs, with equal prior weights.
+determine the error within its class; there, the error follows the mixture of the two beliefs' distributions, with equal
+prior weights.
 
-Gate: it passes the aimed ball if the belief's P(three) is high enough. A held ball is not lost: it counts three points
-times the threshold, the lowest probability for which it would be fired. The gate's judgement of the shots as made is
-reported but does not count, since it would favour a belief that overrates them.
+Gate: it passes the aimed ball if the belief's P(three) is high enough. A held ball is not lost: it counts as three
+points times the threshold, the lowest probability for which it would be fired. The gate's judgement of the shots
+actually fired is reported but does not count, since it would favour a belief that overrates them.
 
 Every shot is judged with fits to the other folds.
 """

@@ -1,7 +1,7 @@
-"""Observation models of a flight: likelihoods of outcomes and heights, and the noise of tracks and times.
+"""Observation models of a flight: the likelihoods of outcomes and heights, and the noise of tracks and times.
 
-The height at the plane is normal and divided into the classes that the operator can distinguish. A share LAPSE of
-outcomes and of measured heights are mistakes, so that no single one can dominate the fit. Tracks are padded arrays;
+The height at the plane is normal and divided into the classes that the operator can distinguish. LAPSE is the share of
+outcomes and measured heights assumed to be wrong, so that no single one can dominate the fit. Tracks are padded arrays;
 their noise has a size per axis and a correlation from one sample to the next.
 """
 
