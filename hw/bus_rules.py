@@ -1,4 +1,4 @@
-"""Rules of a CAN bus: the frames that may be sent, their rates, and the owners of received frames.
+"""The rules of a CAN bus: the frames that may be sent, their rates, and the owners of received frames.
 
 `AllowedBus` refuses every frame that is not on the allow list. It is independent of the sender, so a faulty controller
 cannot get past it. `MonitoredBus` counts unknown frames, and reports a second host and two devices with the same id.

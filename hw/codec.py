@@ -1,4 +1,4 @@
-"""Conversion between physical values and frame bytes, defined by the DBC files in `hw/dbc`. The only user of cantools.
+"""Converts between physical values and frame bytes, as defined by the DBC files in `hw/dbc`. The only user of cantools.
 
 Most messages here consist of whole little-endian bytes without scaling. They are packed with the equivalent `struct`
 format, which is three times faster than cantools and tested to give the same bytes.

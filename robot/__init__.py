@@ -1,1 +1,1 @@
-"""Robot side: the control tick, its rigs, its gate and its recording."""
+"""The robot's side: the control tick, its rigs, its gate and its recording."""

@@ -1,4 +1,4 @@
-"""Aim of a trial: set points from a deliberately spread plan, and the effect of the driver's buttons.
+"""The aim of a trial: set points from a deliberately spread plan, and the effect of the driver's buttons.
 
 The plan is a low-discrepancy sequence, so a replay needs no random state. Speeds come from vacuum ballistics divided by
 an efficiency, which the driver's high and low marks correct, as a crew does by hand when it walks shots in (a

@@ -1,4 +1,4 @@
-"""Estimate of the launcher's present state from Inputs, with the missing, stale or faulty readings of each axis."""
+"""The estimate of the launcher's present state from Inputs, with the missing, stale or faulty readings of each axis."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Model of the gate: an ONNX file with its own contract, the checks of its bytes, and its inference session.
+"""The gate's model: an ONNX file with its own contract, the checks of its bytes, and its inference session.
 
 The contract names inputs and outputs. Every exported model contains its hash; a model with a different hash is refused.
 So is a damaged or altered file: its metadata holds the hash of the file with UNSEALED in place of the hash.

@@ -1,4 +1,4 @@
-"""Motion interlocks: permission to drive wheels and hood, with the reasons against it. Pure, like truearc.robot.tick.
+"""The motion interlocks: whether wheels and hood may be driven, and if not, why. Pure, like truearc.robot.tick.
 
 A missing, stale or faulty reading releases its axis until readings have been good for RECOVER_S. A motion that
 contradicts the torque, or two sensors that contradict each other, release it until the operator disarms and arms again;

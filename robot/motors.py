@@ -1,4 +1,4 @@
-"""Axes of the launcher: names, drivers, limits and bus rules, and the geometry of the hood's screw."""
+"""The launcher's axes: their names, drivers, limits and bus rules, and the geometry of the hood's screw."""
 
 import math
 from collections import Counter

@@ -1,4 +1,4 @@
-"""Rigs: sources of Inputs and sinks of Commands. HardwareRig uses wires of truearc.hw.protocols, ReplayRig a recording.
+"""Rigs: where Inputs come from and Commands go. HardwareRig uses wires of truearc.hw.protocols, ReplayRig a recording.
 
 RecordingRig records another rig; no shot is fired unless it is recorded.
 """

@@ -1,4 +1,4 @@
-"""Control loop (read -> tick -> write -> record), the same for robot, emulation and replay, and layers around it.
+"""The control loop (read -> tick -> write -> record), one for robot, emulation and replay, and the layers around it.
 
 A layer shows ticks on the operator page, measures their lateness, or feeds the watchdog of the service that started the
 loop. Times come with the ticks; no clock is read here.

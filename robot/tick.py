@@ -1,5 +1,4 @@
-"""One tick: estimate -> aim -> interlocks -> verdict -> control. Pure (no clock, I/O or randomness), so a replay is
-exact."""
+"""One tick: estimate -> aim -> interlocks -> verdict -> control. Pure (no clock, I/O, randomness): replay is exact."""
 
 from msgspec import UNSET
 from msgspec.structs import replace

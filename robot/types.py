@@ -1,4 +1,4 @@
-"""Values that pass through one tick: Inputs -> Estimate -> Aim -> Verdict -> Command -> Sent.
+"""The values that pass through one tick: Inputs -> Estimate -> Aim -> Verdict -> Command -> Sent.
 
 The whole Tick is the recorded row.
 

@@ -1,4 +1,4 @@
-"""Verdict of a tick, FIRE or HOLD. Every tick evaluates every interlock; a reason that cannot be ruled out means HOLD.
+"""The verdict of a tick, FIRE or HOLD. Every tick checks every interlock; a reason that cannot be ruled out means HOLD.
 
 FIRE means that the driver requested a shot, every check passed and, with policy "model", the model agrees.
 """

@@ -1,4 +1,4 @@
-"""Redux Canandmag absolute encoder: its frames, its emulator, and the EncoderFamily with table, bus rules and doctor.
+"""The Redux Canandmag absolute encoder: frames, emulator, and the EncoderFamily with table, bus rules and doctor.
 
 An arbitration id has 29 bits: the id for device 0 plus the device number.
 """

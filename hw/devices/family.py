@@ -1,4 +1,4 @@
-"""Declaration of a device family: launcher.toml tables, a MotorFamily or EncoderFamily value, doctor checks."""
+"""How a device family declares itself: launcher.toml tables, a MotorFamily or EncoderFamily value, doctor checks."""
 
 import contextlib
 import math

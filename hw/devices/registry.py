@@ -1,4 +1,4 @@
-"""Registry of all motor controller families, and devices without frames of their own.
+"""The registry of all motor controller families, and the devices without frames of their own.
 
 Devices without frames are motors of another controller (driver "advisory": read, never commanded), a motor controller's
 encoder that serves as the hood's, and an absent hood encoder. A distribution registers its MotorFamily under its

@@ -1,4 +1,4 @@
-"""Emulated camera: its lens, its images of the retro-reflective half hexagon under a ring light, and its image server.
+"""The emulated camera: its lens, its images of the retro-reflective half hexagon under a ring light, its image server.
 
 It shares no code with the vision module. To save time, the background (lights, reflections) is drawn once, noise comes
 from one tile shifted at random, and the tape is drawn only within its bounding box: the share of each pixel that lies

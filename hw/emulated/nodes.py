@@ -1,4 +1,4 @@
-"""Emulated devices on the CAN bus, the interface of the world that they measure, and the clock that advances both.
+"""Emulated devices on the CAN bus, the interface to the world that they measure, and the clock that advances both.
 
 `truearc.sim.world` implements `Plant`; the devices only quantise values, delay them and put them on the wire.
 """

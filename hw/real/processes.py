@@ -1,4 +1,4 @@
-"""Child processes, messages over pairs of sockets, and newest values in shared memory.
+"""Child processes, messages over socket pairs, and the newest values in shared memory.
 
 A child process is started, supervised and restarted. Neither end of a connection ever waits for the other.
 """

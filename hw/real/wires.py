@@ -1,4 +1,4 @@
-"""Serial port, camera, and supervised wires, which a thread reopens after a loss.
+"""The serial port, the camera, and supervised wires, which a thread reopens after a loss.
 
 A camera is read through OpenCV, over V4L2 or the network, in a thread of its own, which keeps only the newest image."""
 

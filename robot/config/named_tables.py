@@ -1,4 +1,4 @@
-"""Tables of launcher.toml whose struct depends on a name: [hood_encoder], and the tables of other distributions.
+"""Tables of launcher.toml whose struct depends on a name: [hood_encoder], and tables that other distributions define.
 
 A distribution that reads values from another program, not from a device, has a table of its own. It registers a
 ReadingTable under the table's name, which is loaded when a configuration contains that table:

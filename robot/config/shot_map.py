@@ -1,4 +1,4 @@
-"""Schema of shots.toml: the meaning and units of the keys of a team's log or table, and the detection of its shots."""
+"""The schema of shots.toml: what the keys of a team's log or table mean, their units, and how its shots are found."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""Operator page, and the `--page` option with its address."""
+"""The operator page, and the `--page` option with its address."""
 
 import argparse
 

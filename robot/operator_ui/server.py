@@ -1,4 +1,4 @@
-"""HTTP server of the operator page and of other pages at the robot, using only the standard library.
+"""The HTTP server for the operator page and other pages at the robot, using only the standard library.
 
 The page receives the newest tick by Server-Sent Events, and the gate's answers; a query (`POST /predict`) does not
 reach the robot. Sending an aim file (`PUT /aim`) and accepting it (`POST /accept`) need a token

@@ -1,4 +1,4 @@
-"""View of the newest tick for the operator page: text, and numbers with their units. Pure.
+"""The operator page's view of the newest tick: text, and numbers with their units. Pure.
 
 `look` keeps the newest tick, sighting and outcomes in a Glance; `describe` turns a Glance into one event for the
 browser. `tell` explains each reason for a HOLD to the driver and what to do about it. The texts are in

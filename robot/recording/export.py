@@ -1,4 +1,4 @@
-"""Export of a session to one file for other programs: CSV, or MCAP for viewers, with the robot's pose.
+"""Exports a session to one file for other programs: CSV, or MCAP for viewers, with the robot's pose.
 
 An MCAP for viewers contains the ticks and trials of the recording and one topic per subsystem, with units in its schema
 (tabular). Times are wall-clock times. Images, reasons, pose and scene use Foxglove's schemas as JSON: a test compares

@@ -1,4 +1,4 @@
-"""Files of a session, which are created and appended to but never overwritten.
+"""The files of a session, which are created and appended to but never overwritten.
 
 `Appender` appends to them and survives a full disk. Raw CAN is candump text, `(seconds.microseconds) can0 ID#DATA R|T`,
 which can-utils, SavvyCAN and python-can read.

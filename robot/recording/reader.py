@@ -1,4 +1,4 @@
-"""Reader of a session's ticks from the records of an MCAP file, complete or truncated.
+"""Reads a session's ticks from the records of an MCAP file, complete or truncated.
 
 Sizes stated in a file are not trusted: a record cannot be longer than the rest of the file, and a chunk is unpacked to
 at most LARGEST bytes. Missing rows are always detected: rows of one topic are numbered from 0 without gaps, and a file

@@ -1,4 +1,4 @@
-"""Deterministic replay: recomputation of every output of a recording, compared bit for bit.
+"""Deterministic replay: every output of a recording is computed again and compared bit for bit.
 
 `replay` starts from the recorded inputs; `replay_frames` also recomputes the inputs from the raw CAN frames and the
 kept images. Inputs that neither contains are taken as recorded: button presses, lost wires, and sightings whose image

@@ -1,4 +1,4 @@
-"""Layout of a session, which is a folder:
+"""The layout of a session, which is a folder:
 
     session.json     what made it: versions, configuration and model hashes
     config.json      its configuration; model.onnx the gate, if there was one

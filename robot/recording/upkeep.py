@@ -1,4 +1,4 @@
-"""Upkeep of recorded sessions: recovery of truncated ones, and deletion according to the limits of [recording].
+"""Keeps recorded sessions in order: recovers truncated ones, and deletes old data by the limits in [recording].
 
 Recovery loses no complete record, and replaced files are kept in damaged/. When a limit is exceeded, telemetry and
 images of the oldest sessions are deleted first; `session.json`, `config.json`, `trials.jsonl`, models and aim files

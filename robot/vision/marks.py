@@ -1,4 +1,4 @@
-"""Detection of the tape in an image: regions of its colour, and its four marks to sub-pixel accuracy with covariance.
+"""Finds the tape in an image: regions of its colour, and its four marks to sub-pixel accuracy with covariance.
 
 The image must be exposed for tape under a ring light, so that all else is dark. A camera with automatic exposure
 brightens the room until the tape is white; then colours and edges are wrong. Since most of the image is dark, the
@@ -6,10 +6,10 @@ colour is first searched for in every fourth row and column, and the full resolu
 
 The region's convex hull gives the corners to a pixel or two; the side without tape is the open top. Brightness is
 sampled at many places across each straight. The two points of half height are equally far from the tape's middle,
-however blurred, bloomed or overexposed it is, and a line is fitted through their midpoints. Along the middle line, the
+however blurred, bloomed or overexposed it is, and a line is fitted through their midpoints. Along the centre line, the
 point of half height at a cut end is the position of the end, because in linear light the strip and its missing
 continuation mirror each other there. With a tone curve, or where the tape clips, half height lies as far outside a cut
-end as outside the edges of the bottom straight. The marks are the intersections of middle lines and the ends. The
+end as outside the edges of the bottom straight. The marks are the intersections of the centre lines and the ends. The
 scatter of the points about their line gives the marks' covariance: two marks on one line share the error of that line.
 
 Widths show how much wider the tape appears than its geometric image. Blur does not change the width of a straight at

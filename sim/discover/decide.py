@@ -1,4 +1,4 @@
-"""The decision: which effects are reported, as what, and what of them is adopted.
+"""The decision: which effects are reported, how they are reported, and which of them are adopted.
 
 **Effects.** L is the likeliest term, rest: what calibrated tests still find once L is put in. The first row that holds:
 
@@ -34,7 +34,7 @@ One name: verdict *named*. Several: *set*; its sentence is `form_of`.
 | points of aim and gate | mean gain below 0 |
 
 Where nothing has a name: the average of the names that come nearest, if the 90 % interval of its points is above 0.
-Else what is believed stays.
+Otherwise the present belief stays.
 """
 
 from collections.abc import Callable, Iterable, Sequence

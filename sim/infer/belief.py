@@ -1,4 +1,4 @@
-"""Belief about a launcher: coefficients, free curves and launch scatter, with their uncertainty.
+"""A belief about a launcher: coefficients, free curves and launch scatter, with their uncertainty.
 
     schema = "truearc.coefficients/1"
     [drag]

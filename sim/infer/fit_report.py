@@ -1,4 +1,4 @@
-"""Text report of a fit: its numbers, the aliased ones, and the quality of its predicted outcomes."""
+"""The text report of a fit: its numbers, which of them are aliased, and how well it predicts outcomes."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

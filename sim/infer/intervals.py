@@ -1,4 +1,4 @@
-"""Intervals of fitted numbers, by profile likelihood for one fit and by pooling for several.
+"""Intervals for fitted numbers, by profile likelihood for one fit and by pooling for several.
 
 Profile likelihood: the range of one parameter while all others adjust (Raue et al. 2009).
 

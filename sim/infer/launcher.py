@@ -1,4 +1,4 @@
-"""Launcher as the model of a fit: its shots and columns, start and end points of the optimization, and its belief."""
+"""The launcher as a fit's model: its shots and columns, where the optimization starts and ends, and its belief."""
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence

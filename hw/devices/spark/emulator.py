@@ -1,4 +1,4 @@
-"""Emulated SPARK with byte-exact frames, documented rates, and no output without a heartbeat."""
+"""An emulated SPARK with byte-exact frames, documented rates, and no output without a heartbeat."""
 
 import math
 from collections import deque

@@ -1,4 +1,4 @@
-"""SPARK as a Motor: identification, setup, verification, and the enabling heartbeat, which only the tick sends."""
+"""The SPARK as a Motor: identification, setup, verification, and the enabling heartbeat, which only the tick sends."""
 
 from collections.abc import Mapping
 from functools import partial

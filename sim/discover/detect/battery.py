@@ -1,17 +1,17 @@
-"""Battery of tests on a session's data, alone or against an earlier session.
+"""A battery of tests on a session's data, alone or against an earlier session.
 
 The tests form families: terms, free changes over covariates, and arbitrary patterns.
 
 A simulation adopted from one session ("home") does not fit that session perfectly, and tracks reveal the misfit. In the
-next session it would be found again and look like a change. Each test is therefore made in both sessions. Under no
-change, the score at home scaled by the ratio of the sessions' informations is the expected score here, within the
+next session it would be found again and look like a change. Each test is therefore made in both sessions. If nothing
+has changed, the score at home scaled by the ratio of the sessions' informations is the expected score here, within the
 chance variation of both (a difference of two samples, whose signs are flipped alike). Where home has no information, as
 along a covariate that was not recorded there, the test is made without it.
 
-No test can find a change of the tracker's calibration, since every fit absorbs it; instead the estimates of both
+No test can find a change in the tracker's calibration, since every fit absorbs it; instead the estimates of both
 sessions are compared. Their covariance is a sandwich over clusters of shots (White 1980), in which a prior of the
-calibration counts as one more observation. A change of some of the numbers is then a normal model with a closed form,
-averaged over the subsets that may have changed. Terms that would shift the estimates in the same way (a head wind
+calibration counts as one more observation. A change in some of the numbers is then a normal model with a closed form,
+averaged over the subsets that may have changed. Terms that would shift the estimates in the same way (a headwind
 resembles a tilt) are added to the numbers one at a time and weighed against such a change.
 
 The tests use efficient scores of the shots, and the largest of them is judged by flipping signs.

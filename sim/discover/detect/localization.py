@@ -1,4 +1,4 @@
-"""Localization of a mismatch: the free change, stage, covariate and part of the flight that carry it.
+"""Localizes a mismatch: the free change, stage, covariate and part of the flight in which it appears.
 
 Each place is scored by the gain of a smooth correction of one channel over one covariate on held-out shots.
 """

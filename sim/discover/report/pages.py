@@ -1,4 +1,4 @@
-"""Reports, as pages and terminal text, of a finding, of identifiability, and of a plan of further shots."""
+"""Pages and terminal text that report a finding, identifiability, or a plan of further shots."""
 
 import html
 from collections import Counter

@@ -1,4 +1,4 @@
-"""Plots of the report: residuals with and without an effect, along the flight and over the field, and free curves.
+"""The report's plots: residuals with and without an effect, along the flight and over the field, and free curves.
 
 The joint residual of many shots in one free number (launch speed, a push in flight) is the sum of their scores over the
 sum of their informations; in the height at the target it is the shift that makes their outcomes most likely. All plots

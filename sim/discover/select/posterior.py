@@ -1,4 +1,4 @@
-"""Posterior over hypotheses of a mismatch: one term, two terms, an unexplained change, or a term with one.
+"""The posterior over the hypotheses for a mismatch: one term, two terms, an unexplained change, or a term with one.
 
 Each hypothesis has a prior probability and a log evidence. The evidence of single terms comes from true refits of the
 likely ones (name_terms), that of additions to a likely term from the table linearised at that term's refit, and that of

@@ -1,4 +1,4 @@
-"""Ranking of candidate terms: one step for all, true refits of the likely, and measurements of their amplitudes.
+"""Ranks candidate terms: one step for all, true refits of the likely ones, and measurements of their amplitudes.
 
 Every term competes with a normal prior on its amplitude, of the usual size of such effects. A term that would have to
 be absurdly large to explain the data thus loses to a smaller one, and a term cannot win beyond its permitted range.

@@ -1,1 +1,1 @@
-"""Likelihood of shots: observations, launch inputs, heights, outcomes and tracks."""
+"""The likelihood of shots: observations, launch inputs, heights, outcomes and tracks."""

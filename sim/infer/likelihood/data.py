@@ -1,4 +1,4 @@
-"""Arrays of a dataset for the forward model and the likelihood: the assumed configuration and the data of each shot."""
+"""A dataset as arrays for the forward model and the likelihood: each shot's assumed configuration and its data."""
 
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple

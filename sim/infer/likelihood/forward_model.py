@@ -1,7 +1,7 @@
-"""Forward model of a shot (JAX), from sensor readings to the height at the plane and the track.
+"""The forward model of a shot (JAX), from sensor readings to the height at the plane and the track.
 
-Differentiable in the parameters of all terms, the deviations of the single launch, and free pushes. Stages: sensed
-configuration -> sensing terms -> launch terms -> launch deviation -> flight -> arrival, watch terms.
+It is differentiable in the parameters of all terms, the deviations of the single launch, and free pushes. Its stages:
+sensed configuration -> sensing terms -> launch terms -> launch deviation -> flight -> arrival, watch terms.
 """
 
 from collections.abc import Callable, Mapping, Sequence

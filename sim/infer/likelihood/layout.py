@@ -1,4 +1,4 @@
-"""Layout of the fitted and tested columns for one dataset and belief, with their priors.
+"""The layout of the fitted and tested columns for one dataset and belief, with their priors.
 
 Columns are free changes, terms and shared parameters. Priors are the wide ones of the catalogue, the posterior of an
 earlier session, or measurements made without shots, by tape measure, scale or inclinometer:

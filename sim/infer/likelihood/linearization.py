@@ -1,4 +1,4 @@
-"""Likelihood linearised about a point: slopes and curvatures in all columns, with each shot's unknowns integrated out.
+"""The likelihood linearised about a point: slopes and curvatures in all columns, each shot's unknowns integrated out.
 
 A shot deviates from its configuration by d ~ N(0, S). Near the point, measurements by the tracker and by instruments at
 the exit are linear in d and in the columns, so d is integrated out exactly, and given them the height at the plane is

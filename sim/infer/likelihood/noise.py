@@ -1,6 +1,6 @@
-"""Constants of the noise model: prior knowledge of instruments, operators and launches.
+"""The constants of the noise model: what is known beforehand about instruments, operators and launches.
 
-All are standard deviations unless stated otherwise. The values of [noise] in rig.toml are not here.
+They are standard deviations unless stated otherwise. The values of [noise] in rig.toml are not here.
 """
 
 # Chosen: one or two of a season of 300, so that no single outcome decides

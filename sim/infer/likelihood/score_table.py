@@ -1,4 +1,4 @@
-"""Score table: slopes and curvatures of the log-likelihood in every possible error of the simulation, one row per shot.
+"""The score table: slopes and curvatures of the log-likelihood in every possible error, one row per shot.
 
 A column is one number in which the simulation could be wrong: a parameter of a term, a deviation of the launch, a free
 push, or a fitted number that all shots share (a coefficient, a scatter). The unknowns of each shot (its initial
