@@ -6,10 +6,9 @@ Random launchers, balls and targets, three distances each. The truth is an exhau
 own (drag and gravity, fourth-order Runge-Kutta over time): every hood angle by whole degrees, and 61 speeds about the
 one that meets the centre. Printed: by how much the expected points of aim's set points, judged by that simulation, fall
 short of the best, as quantiles over all, and the worst. A distance that aim refuses counts as all points lost;
-distances at which the search finds under 0.05 points are counted apart.
+distances at which the search finds under 0.05 points do not count.
 """
 
-import argparse
 import sys
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ import jax
 import numpy as np
 
 import truearc as ta
+from benchmarks.options import read_options
 from truearc.cli.common import make_progress
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.infer.belief import point_belief
@@ -27,7 +27,7 @@ FREE_RAD_S = 600.0
 TRIMS = np.linspace(-0.06, 0.06, 61)
 HOOD_DEG = (25.0, 70.0)
 DISTANCES = 3
-SCORES = 0.05                         # points; with less by search a distance is counted apart
+SCORES = 0.05                         # points; with less by search a distance does not count
 QUANTILES = (0.5, 0.9, 0.99, 0.999)
 
 
@@ -168,33 +168,20 @@ def shortfalls(case: Case) -> list[float]:
     return [one.short for one in judge(case) if one.best >= SCORES]
 
 
-def report(judged: list[list[Judged]]) -> list[str]:
-    """Lines of the result; judged: of each rig."""
-    every = [one for ones in judged for one in ones if one.best >= SCORES]
-    none = [one for ones in judged for one in ones if one.best < SCORES]
-    short = np.array([one.short for one in every])
-    lines = [f"{len(judged)} rigs, {len(every)} distances that score by search; "
-             f"{sum(one.got is None for one in every)} of them refused by aim",
-             f"{len(none)} distances with less than {SCORES} points by search; "
-             f"{sum(one.got is not None for one in none)} of them with a set point by aim"]
-    if every:
-        told = ", ".join(f"{q:.1%} {np.quantile(short, q):.3%}" for q in QUANTILES)
-        lines.append(f"points short of the best, quantiles: {told}, worst {short.max():.3%}; "
-                     f"over 1 %: {(short > 0.01).sum()}")
-    return lines
-
-
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rigs", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=1000, help="of the first rig")
-    args = parser.parse_args()
+    args = read_options(__doc__, rigs=1000, seed=(1000, "of the first rig"))
     show, judged = make_progress("aim"), list[list[Judged]]()
     for seed in range(args.seed, args.seed + args.rigs):
         judged.append(judge(make_case(seed)))
         jax.clear_caches()                                # each rig is compiled for
         show(len(judged) / args.rigs, f"{len(judged)} rigs")
-    print("\n".join(report(judged)))
+    every = [one for ones in judged for one in ones if one.best >= SCORES]
+    print(f"{len(judged)} rigs, {len(every)} distances that score by search; "
+          f"{sum(one.got is None for one in every)} of them refused by aim")
+    if every:
+        short = np.array([one.short for one in every])
+        told = ", ".join(f"{q:.1%} {np.quantile(short, q):.3%}" for q in QUANTILES)
+        print(f"points short of the best, quantiles: {told}, worst {short.max():.3%}; over 1 %: {(short > 0.01).sum()}")
     return 0
 
 

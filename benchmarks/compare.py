@@ -13,12 +13,13 @@ import sys
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
 
 import truearc as ta
+from benchmarks.options import add_options
 from truearc.robot.config.rig_spec import Ball
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
@@ -53,21 +54,8 @@ def claim_of(finding: dict[str, Any]) -> Claim:
                  {} if finding["mismatch"]["p_value"] is None else {"p_value": float(finding["mismatch"]["p_value"])})
 
 
-class Row(NamedTuple):
-    """One method on the falls, as text."""
-
-    method: str
-    detects: str
-    names: str = ""
-    interval: str = ""
-    error: str = ""
-
-
-class Left(NamedTuple):
-    """Drops left out: what they have in common, and which ones they are [n]."""
-
-    what: str
-    out: Array
+Left = tuple[str, Array]              # what drops that are left out have in common, and which ones they are [n]
+Row = tuple[str, str, str, str, str]  # one method on the falls: all cells but the data's
 
 
 def falls(folder: Path, steps: int, most: int | None) -> Iterator[Row]:
@@ -77,23 +65,23 @@ def falls(folder: Path, steps: int, most: int | None) -> Iterator[Row]:
     found = discover(dataset, ("gravity",), seed=0, terms=among)
     finding, believed = msgspec.json.decode(make_json(found.finding)), believed_of(found)
     assert believed is not None
-    lefts = [Left(f"{what} {value:g} m", column == value) for what, column in zip(("radius", "height"), inputs_of(
+    lefts = [(what, column == value) for what, column in zip(("radius", "height"), inputs_of(
         dataset).T, strict=True) for value in np.unique(column)[:most]]
-    ours = _error_of(dataset, lefts, [by_law(dataset, among.find(LAWS), ~left.out) for left in lefts])
+    ours = _error_of(dataset, lefts, [by_law(dataset, among.find(LAWS), ~out) for _, out in lefts])
     for name, claim in ((OURS, claim_of(finding)), ("argmax", find_rival("argmax")(dataset, believed, 0))):
-        yield Row(name, "yes" if claim.says_something else "no", ", ".join(claim.names[:1]),
-                  _interval_of(finding) if name == OURS else "", ours)
-    yield from (Row(rival, NO_TRACKS) for rival in RIVALS if rival != "argmax")
+        yield (name, "yes" if claim.says_something else "no", ", ".join(claim.names[:1]),
+               _interval_of(finding) if name == OURS else "", ours)
+    yield from ((rival, NO_TRACKS, "", "", "") for rival in RIVALS if rival != "argmax")
     emulator = emulator_of(folder)
     for name in (KOH, PLAIN):
         fit = partial(calibrate, emulator, dataset, name == KOH, steps)
-        forecasts = [fit(~left.out).forecast(inputs_of(dataset)[left.out]) for left in lefts]
+        forecasts = [fit(~out).forecast(inputs_of(dataset)[out]) for _, out in lefts]
         whole = fit(np.ones(len(dataset.shots), dtype=bool))
         off = whole.discrepancy(inputs_of(dataset)) if name == KOH else None     # detected: excludes 0 at any drop
         says = off is not None and bool(((off.low90 > 0.0) | (off.high90 < 0.0)).any())
         low, _, high = whole.theta90[0]
-        yield Row(name, "yes" if says else "no", "", f"{low:.3g} to {high:.3g} (of the runs' law)",
-                  _error_of(dataset, lefts, forecasts))
+        yield (name, "yes" if says else "no", "", f"{low:.3g} to {high:.3g} (of the runs' law)",
+               _error_of(dataset, lefts, forecasts))
 
 
 def _interval_of(finding: dict[str, Any]) -> str:
@@ -153,9 +141,9 @@ def _error_of(dataset: Dataset, lefts: Sequence[Left], forecasts: Sequence[Forec
     assert dataset.times is not None
     off: dict[str, list[float]] = {"radius": [], "height": []}
     inside = []
-    for left, forecast in zip(lefts, forecasts, strict=True):
-        seen = dataset.times.t_s[left.out]
-        off[left.what.partition(" ")[0]] += list(forecast.mean - seen)
+    for (what, out), forecast in zip(lefts, forecasts, strict=True):
+        seen = dataset.times.t_s[out]
+        off[what] += list(forecast.mean - seen)
         inside += list((forecast.low90 <= seen) & (seen <= forecast.high90))
     each = ", ".join(f"{what} {1000.0 * rms(np.array(errors)):.0f} ms" for what, errors in off.items())
     return f"{each}; {sum(inside)} of {len(inside)} in 90 %"
@@ -164,9 +152,8 @@ def _error_of(dataset: Dataset, lefts: Sequence[Left], forecasts: Sequence[Forec
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dir", type=Path, help="folder of the recordings")
-    parser.add_argument("--steps", type=int, default=STEPS, help=f"of the calibration's chains ({STEPS})")
-    parser.add_argument("--left", type=int, help="leave out the first N radii and the first N heights only")
-    args = parser.parse_args()
+    args = add_options(parser, steps=(STEPS, f"of the calibration's chains ({STEPS})"),
+                       left=(int, "leave out the first N radii and the first N heights only")).parse_args()
     keep_compiled()
     rows = falls(args.dir / "sepia_ball_drop", args.steps, args.left)
     print(make_markdown(HEAD, [(DATA, *row) for row in rows]))

@@ -12,12 +12,11 @@ outcome; one that is there is not run again. Development used seeds below 5030.
 
 import math
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
-import truearc as ta
-from benchmarks.worlds import Line, fill_and_tell, parser_of
+from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.cli.common import SHIPPED
 from truearc.cli.demo_acts import EFFECTS, NOTHING, Act, Sizes, WorldChange, play_event, practise
 from truearc.robot.config.rig_spec import Rig
@@ -27,7 +26,7 @@ from truearc.sim.printed import make_text
 
 EVENTS = (NOTHING, *EFFECTS[:4])      # the control, and the effects of the published table
 PRACTICE = WorldChange("practice", NOTHING.options, ("wheel_slip",))    # which the paper's physics lacks
-LEVEL = 0.05
+LEVEL, TOGETHER = 0.05, "changed events together"
 
 
 class Row(NamedTuple):
@@ -40,11 +39,6 @@ class Row(NamedTuple):
     names: tuple[str, ...]
     terms: tuple[str, ...]            # right ones
     verdict: str
-
-    @property
-    def p(self) -> float:
-        """Of a difference as large by chance."""
-        return two_proportions(self.threes, self.balls)
 
 
 def run(rig: Rig, sizes: Sizes, events: Sequence[WorldChange], seed: int) -> Line:
@@ -61,15 +55,11 @@ def run(rig: Rig, sizes: Sizes, events: Sequence[WorldChange], seed: int) -> Lin
 def _said(effect: WorldChange, act: Act) -> Line:
     record = act.finding.record
     return {"act": effect.name, "terms": effect.terms, "verdict": record.verdict, "p_value": record.mismatch.p_value,
-            "names": names_of(act.finding), "sentence": record.sentence, "shots": len(act.shots.shots),
+            "names": [one.term for one in (act.finding.best, *act.finding.alternatives) if one],
+            "sentence": record.sentence, "shots": len(act.shots.shots),
             "adopted": act.adopted.provenance.get("adopted"), "refused": act.adopted.provenance.get("refused"),
             "coefficients": act.adopted.coefficients, "scatter": act.adopted.scatter,
             "volleys": [one._asdict() for one in act.volleys]}
-
-
-def names_of(finding: ta.Finding) -> tuple[str, ...]:
-    """Terms that the finding names: one, or several that the data cannot tell apart, the likeliest first."""
-    return () if finding.best is None else (finding.best.term, *(one.term for one in finding.alternatives))
 
 
 def two_proportions(hits: tuple[int, int], tries: int) -> float:
@@ -92,10 +82,11 @@ def make_table(lines: Sequence[Line]) -> str:
     rows = [Row(line["seed"], act["act"], (act["volleys"][0]["threes"], act["volleys"][1]["threes"]),
                 act["volleys"][0]["balls"], tuple(act["names"]), tuple(act["terms"]), act["verdict"])
             for line in sorted(lines, key=lambda line: line["seed"]) for act in line["acts"]]
-    adjusted = dict(zip([(row.seed, row.act) for row in rows], holm([row.p for row in rows]), strict=True))
+    p = holm([two_proportions(row.threes, row.balls) for row in rows])
+    adjusted = dict(zip([(row.seed, row.act) for row in rows], p, strict=True))
     groups = {act: [row for row in rows if row.act == act] for act in dict.fromkeys(row.act for row in rows)}
     changed = [row for row in rows if row.act in {effect.name for effect in EVENTS if effect is not NOTHING}]
-    groups = {**{act: kept for act, kept in groups.items() if act != NOTHING.name}, "changed events together": changed,
+    groups = {**{act: kept for act, kept in groups.items() if act != NOTHING.name}, TOGETHER: changed,
               NOTHING.name: groups.get(NOTHING.name, [])}
     head = ("", "threes before", "after", "of balls", "ratio", "right name in set", "first", "mean set",
             "not named", "more", "fewer")
@@ -105,7 +96,9 @@ def make_table(lines: Sequence[Line]) -> str:
     said = [f"{len(seeds)} seeds, {seeds[0]} to {seeds[-1]}; more, fewer: seeds with significantly more or fewer "
             f"threes after adoption (5 %, Holm, {len(rows)} tests)", *table,
             f"control silent: {sum(silent)} of {len(silent)}"]
-    return "\n".join([*said, *_each(rows, adjusted)])
+    each = [f"{act}: " + ", ".join(f"{row.threes[0]}->{row.threes[1]}" for row in kept)
+            for act, kept in groups.items() if act != TOGETHER]
+    return "\n".join([*said, "threes before -> after, per seed:", *each])
 
 
 def _cells(act: str, rows: Sequence[Row], adjusted: dict[tuple[int, str], float]) -> tuple[str, ...]:
@@ -122,23 +115,9 @@ def _cells(act: str, rows: Sequence[Row], adjusted: dict[tuple[int, str], float]
             str(sum(row.threes[1] < row.threes[0] for row in clear)))
 
 
-def _each(rows: Iterable[Row], adjusted: dict[tuple[int, str], float]) -> list[str]:
-    """Threes of every seed, per act, and the worst ones."""
-    rows = list(rows)
-    lines = ["threes before -> after, per seed:"]
-    for act in dict.fromkeys(row.act for row in rows):
-        lines.append(f"{act}: " + ", ".join(f"{row.threes[0]}->{row.threes[1]}" for row in rows if row.act == act))
-    worst = sorted(rows, key=lambda row: row.threes[1] - row.threes[0])[:5]
-    return lines + [f"worst: seed {row.seed}, {row.act}: {row.threes[0]} -> {row.threes[1]} (p {row.p:.2g}, adjusted "
-                    f"{adjusted[row.seed, row.act]:.2g}); named {', '.join(row.names) or 'nothing'}" for row in worst]
-
-
 def main() -> int:
-    parser = parser_of(__doc__)
-    parser.add_argument("--seeds", type=int, default=30)
-    parser.add_argument("--first", type=int, default=1000, metavar="SEED", help="the first seed; the next is one more")
-    parser.add_argument("--quick", action="store_true", help="a few of the shots, and one event: to try this script")
-    args = parser.parse_args()
+    args = read_args(__doc__, seeds=30, first=(1000, "seed; the next is one more"),
+                     quick=(False, "a few of the shots, and one event: to try this script"))
     sizes, events = (Sizes(16, 0, 12, 4), EVENTS[1:2]) if args.quick else (Sizes(), EVENTS)
     jobs = {f"{seed}/{sizes.practice}": seed for seed in range(args.first, args.first + args.seeds)}
     return fill_and_tell(args, lambda: jobs, partial(run, load_config(SHIPPED).rig, sizes, events), make_table)

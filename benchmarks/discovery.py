@@ -13,18 +13,17 @@ from collections.abc import Sequence
 
 import msgspec
 
-from benchmarks.worlds import KINDS, Job, Line, fill_and_tell, mark_job, parser_of, plan_jobs, world_of
+from benchmarks.worlds import KINDS, Job, Line, fill_and_tell, mark_job, plan_jobs, read_args, world_of
 from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover
-from truearc_proof.rounds.marks import NULLS, Mark, strength_of
+from truearc_proof.rounds.marks import NULLS, strength_of
 from truearc_proof.rounds.tables import said, share
 from truearc_proof.table import make_markdown
 from truearc_proof.truth.generate import shift_m, shoot
 
 SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
 FALSE_ALARM = 0.05
-Marked = tuple[Job, Mark]
 
 
 def run(job: Job) -> Line:
@@ -45,15 +44,10 @@ def run(job: Job) -> Line:
     return {"job": job, "seconds": took, "finding": finding, "error": error}
 
 
-def marks_of(lines: Sequence[Line]) -> list[Marked]:
-    """Marks with their jobs, of worlds in which the solver did not break."""
-    jobs = [(msgspec.convert(line["job"], Job), line["finding"]) for line in lines if line["finding"] is not None]
-    return [(job, mark_job(job, finding)) for job, finding in jobs]
-
-
 def make_table(lines: Sequence[Line]) -> str:
     """Alarms where nothing is hidden; hidden effects together by level and shots; each that is in no catalogue."""
-    every = marks_of(lines)
+    jobs = [(msgspec.convert(line["job"], Job), line["finding"]) for line in lines if line["finding"] is not None]
+    every = [(job, mark_job(job, finding)) for job, finding in jobs]      # without those in which the solver broke
     rows = []
     for setting in sorted({(job.level, job.shots, job.name) for job, one in every if one.kind in NULLS}):
         mine = [one for job, one in every if one.kind in NULLS and (job.level, job.shots, job.name) == setting]
@@ -82,15 +76,11 @@ def make_table(lines: Sequence[Line]) -> str:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
-    parser.add_argument("--what", default="all", help=f"kinds of worlds, comma-separated: {', '.join(KINDS)}, or all")
-    parser.add_argument("--level", default="L0,L1,L2")
-    parser.add_argument("--shots", default="300", help="shots a world; several, comma-separated, are all run")
-    parser.add_argument("--worlds", type=int, default=20, help="of every name (20)")
-    parser.add_argument("--only", help="names of nulls or effects, comma-separated; also those that cannot be seen")
-    parser.add_argument("--seed", type=int, default=0, help="below 1000 to develop on (0)")
-    parser.add_argument("--scale", type=float, help="of the typical effects (1; 0.25 at L2)")
-    args = parser.parse_args()
+    args = read_args(
+        __doc__, what=("all", f"kinds of worlds, comma-separated: {', '.join(KINDS)}, or all"), level="L0,L1,L2",
+        shots=("300", "a world; several, comma-separated, are all run"), worlds=(20, "of every name (20)"),
+        only=(str, "names of nulls or effects, comma-separated; also those that cannot be seen"),
+        seed=(0, "below 1000 to develop on (0)"), scale=(float, "of the typical effects (1; 0.25 at L2)"))
 
     def plan() -> dict[str, Job]:
         kinds, levels = tuple(KINDS) if args.what == "all" else args.what.split(","), args.level.split(",")

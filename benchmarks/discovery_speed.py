@@ -1,18 +1,15 @@
 """What discovery costs, against the number of shots and the size of the catalogue.
 
-    python -m benchmarks.discovery_speed [--shots 100,300,1000] [--level L1] [--seed 5] [--before CHECKOUT]
+    python -m benchmarks.discovery_speed [--shots 100,300,1000] [--level L1] [--seed 5]
 
 Each figure is the second run of its size, when all code is compiled. Detection: data in memory to a p-value. Report:
-data in memory to the HTML page, of a world with an effect that is found and named (wheel droop). --before: another
-checkout, set up, runs its own benchmark of the same sizes first.
+data in memory to the HTML page, of a world with an effect that is found and named (wheel droop).
 """
 
-import argparse
-import subprocess
 import time
 from collections.abc import Callable
-from pathlib import Path
 
+from benchmarks.options import read_options
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import detect, discover, make_search
@@ -33,11 +30,6 @@ def detection(dataset: Dataset, catalogue: Catalogue = BUILT_IN) -> None:
     detect(fitted, make_search(dataset), lambda done, note: None)
 
 
-def report(dataset: Dataset) -> None:
-    """From data to page."""
-    make_report(dataset.name, discover(dataset))
-
-
 def second(run: Callable[[], None]) -> tuple[float, float]:
     """(wall, processor) seconds of the second of two runs."""
     run()
@@ -54,17 +46,7 @@ def smaller(believed: tuple[str, ...], count: int) -> Catalogue:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--shots", default="100,300,1000")
-    parser.add_argument("--level", default="L1")
-    parser.add_argument("--seed", type=int, default=5)
-    parser.add_argument("--before", type=Path, metavar="CHECKOUT", help="a checkout of an earlier state, set up")
-    args = parser.parse_args()
-    if args.before is not None:
-        same = ["--shots", args.shots, "--level", args.level, "--seed", str(args.seed)]
-        told = subprocess.run([args.before.resolve() / ".venv/bin/python", "-m", "benchmarks.discovery_speed", *same],
-                              cwd=args.before, check=True, capture_output=True, text=True)
-        print(f"before\n{told.stdout}\nnow")
+    args = read_options(__doc__, shots="100,300,1000", level="L1", seed=5)
     keep_compiled()
     print("| shots | terms | detection, s (processor) | report, s (processor) |\n|---|---|---|---|", flush=True)
     for shots in map(int, args.shots.split(",")):
@@ -73,7 +55,7 @@ def main() -> None:
             catalogue = smaller(dataset.facts.believe.terms, count)
             found = second(lambda dataset=dataset, catalogue=catalogue: detection(dataset, catalogue))
             whole = "" if len(catalogue.terms) < len(TERMS) else "{:.1f} ({:.1f})".format(
-                *second(lambda dataset=dataset: report(dataset)))
+                *second(lambda dataset=dataset: make_report(dataset.name, discover(dataset))))
             print(f"| {shots} | {len(catalogue.terms)} | {found[0]:.2f} ({found[1]:.2f}) | {whole} |", flush=True)
 
 

@@ -9,20 +9,23 @@ fire nothing: they move the launcher of sim/world, and are judged by its torques
 cell; one that is there already, and right, is not played again.
 """
 
-import argparse
-import lzma
 import re
 import shutil
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from benchmarks.matrix.fault import Row
-from benchmarks.matrix.judge import Result, judge, make_table
+from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.play import play
 from benchmarks.matrix.rows import ROWS
+from benchmarks.options import read_options
+from truearc_proof.parallel import append_line, lines_of
+from truearc_proof.table import make_markdown
 
 BUSES = ("virtual", "slcan", "socketcan")
 VCAN = Path("/sys/class/net/vcan0")
@@ -47,7 +50,10 @@ def run_row(row: Row, bus: str, folder: Path) -> Result:
 
 
 def main() -> int:
-    args = _arguments()
+    args = read_options(
+        __doc__, bus=(",".join(BUSES), "comma-separated (default: all that there are)"),
+        only=("", "a pattern: faults whose names match"), out=(Path, "a line a cell; goes on where it ended"),
+        folder=(Path, "keep what went wrong here"), table=(Path, "print what is there, play nothing"))
     if args.table:
         results = load(args.table)
     else:
@@ -59,39 +65,41 @@ def main() -> int:
     return int(any(result.wrong for result in results))
 
 
+def make_table(results: Sequence[Result]) -> str:
+    """What went wrong, how many were played, and in Markdown how soon the slowest fault of each kind is a HOLD."""
+    kinds: dict[str, list[Result]] = {}
+    for result in results:
+        kinds.setdefault(result.family, []).append(result)
+    rows = []
+    for kind, mine in kinds.items():
+        held = [one.hold_s for one in mine if one.outcome == "HOLD" and one.hold_s is not None]
+        rows.append((kind, str(len({one.fault for one in mine})), f"{max(held):.2f}" if held else "-"))
+    wrong = [f"WRONG on {one.bus}: {one.fault}: {'; '.join(one.wrong)}" for one in results if one.wrong]
+    fires, stale = (sum(getattr(one, name) for one in results) for name in ("fires", "stale"))
+    told = (f"{len({one.fault for one in results})} faults, {len(results)} runs, {len(wrong)} of them not as stated; "
+            f"{fires} ticks fired, {stale} of these on a reading that was too old.")
+    return "\n".join([*wrong, told, "", make_markdown(("kind", "faults", "slowest HOLD, s"), rows)])
+
+
 def load(path: Path) -> list[Result]:
-    with (lzma.open(path) if path.suffix == ".xz" else path.open("rb")) as file:
-        return [msgspec.json.decode(line, type=Result) for line in file]
+    return [msgspec.convert(line, Result) for line in lines_of(path)]
 
 
-def _run_all(args: argparse.Namespace, folder: Path) -> list[Result]:
+def _run_all(args: Any, folder: Path) -> list[Result]:
     there = [result for result in load(args.out) if not result.wrong] if args.out and args.out.exists() else []
     if args.out:
         args.out.write_bytes(b"".join(msgspec.json.encode(result) + b"\n" for result in there))
     done = {(result.fault, result.bus) for result in there}
     buses = [bus for bus in args.bus.split(",") if bus != "socketcan" or VCAN.exists()]
-    for row in ROWS:
+    for row in (row for row in ROWS if re.search(args.only, row.name)):
         for bus in (bus for bus in buses if bus in row.buses and (row.name, bus) not in done):
-            if not re.search(args.only, row.name):
-                continue
             result = run_row(row, bus, folder)
             there.append(result)
             print(f"{bus:9} {row.name}: {'WRONG: ' + '; '.join(result.wrong) if result.wrong else result.outcome}",
                   file=sys.stderr, flush=True)
             if args.out:
-                with args.out.open("ab") as file:
-                    file.write(msgspec.json.encode(result) + b"\n")
+                append_line(args.out, result)
     return there
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--bus", default=",".join(BUSES), help="comma-separated (default: all that there are)")
-    parser.add_argument("--only", default="", metavar="PATTERN", help="faults whose names match")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="a line a cell; goes on where it ended")
-    parser.add_argument("--folder", type=Path, metavar="DIR", help="keep what went wrong here")
-    parser.add_argument("--table", type=Path, metavar="FILE", help="print what is there, play nothing")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from benchmarks.worlds import Job, Line, fill_and_tell, parser_of, world_of
+from benchmarks.worlds import Job, Line, fill_and_tell, read_args, world_of
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Tracks
 from truearc.sim.discover.finding import make_json
@@ -109,12 +109,8 @@ def counted(words: Iterator[str]) -> str:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
-    parser.add_argument("--worlds", type=int, default=10)
-    parser.add_argument("--shots", type=int, default=SHOTS, help="of each world (%(default)s)")
-    parser.add_argument("--only", help="faults, comma-separated; else all, and none")
-    parser.add_argument("--seed", type=int, default=11, help="below 1000 to develop on")
-    args = parser.parse_args()
+    args = read_args(__doc__, worlds=10, shots=(SHOTS, "of each world"), seed=(11, "below 1000 to develop on"),
+                     only=(str, "faults, comma-separated; else all, and none"))
 
     def plan() -> dict[str, tuple[str, Job]]:
         return {f"{fault}/simulated/{args.seed}/{index}":

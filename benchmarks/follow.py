@@ -12,17 +12,16 @@ in the same run: an alarm where the same number is among the largest 5 % of unch
 which is a test of 5 % at each look. FILE has a line per practice and kind.
 """
 
-import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 import truearc as ta
-from benchmarks.worlds import Line, fill_and_tell, parser_of
+from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.cli.common import SHIPPED
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
@@ -68,18 +67,14 @@ def run(rig: Rig, job: Job) -> Line:
     return {"kind": kind, "seed": seed, "sessions": found}
 
 
-def _logs(dataset: ta.Dataset, belief: ta.Belief) -> list[float]:
-    return _rounded(follow_shots(dataset, belief).e_value)
-
-
-def _rounded(e_value: np.ndarray) -> list[float]:
+def _logs(e_value: np.ndarray) -> list[float]:
     return [round(float(one), 3) for one in np.log10(e_value)]
 
 
 def _robot(home: World, belief: ta.Belief, number: int, effects: dict[str, float]) -> list[float]:
     """A session of the practice's launcher."""
     later = replace(home, seed=home.seed * 1000 + 1 + number, shots=SHOTS, effects=effects)
-    return _logs(shoot(later), belief)
+    return _logs(follow_shots(shoot(later), belief).e_value)
 
 
 def _drawn(home: World, belief: ta.Belief, sessions: int) -> list[list[float]]:
@@ -103,7 +98,7 @@ def _drawn(home: World, belief: ta.Belief, sessions: int) -> list[list[float]]:
         marks = see_outcomes(replace(plan.shots, texts=texts), target)[1]
         assert table is not None and table.plane is not None and len(table.plane.rows) == SHOTS
         marked = replace(table, plane=replace(table.plane, seen=marks))
-        found.append(_rounded(test_change(marked, but=but).e_value))
+        found.append(_logs(test_change(marked, but=but).e_value))
     return found
 
 
@@ -115,8 +110,8 @@ def _seasons(rig: Rig, seed: int) -> dict[str, list[list[float]]]:
     for name, options in SEASONS.items():
         count = UNCHANGED_SEASONS if name == SAME else 1
         own = [seed * 100 + 1 + number for number in range(count)]
-        found[name] = [_logs(play_season(rig, Options(**options), one, plan_season(one, SHOTS), "L1",
-                                         ORDINARY).dataset, belief) for one in own]
+        played = [play_season(rig, Options(**options), one, plan_season(one, SHOTS), "L1", ORDINARY) for one in own]
+        found[name] = [_logs(follow_shots(one.dataset, belief).e_value) for one in played]
     return found
 
 
@@ -130,15 +125,14 @@ def make_table(lines: Sequence[Line]) -> str:
         same = [session for one in mine for session in one[SAME]]
         rates.append([name, f"{len(mine)}, {len(same)}", *(said for alarms in (
             sum(_first(one) is not None for one in same), _naive(same)) for said in (
-                f"{alarms}", _share(alarms, len(same))))])
+                f"{alarms}", "{:.1%} ({:.1%} to {:.1%})".format(alarms / len(same), *binomtest(
+                    alarms, len(same)).proportion_ci())))])
         for change in dict.fromkeys(key for one in mine for key in one if key != SAME):
             first = [_first(session) for one in mine for session in one[change]]
             shots = sorted(SHOTS + 1 if one is None else one for one in first)
-            median = shots[(len(shots) - 1) // 2]
+            ends = (shots[(len(shots) - 1) // 2], shots[int(0.9 * (len(shots) - 1))])
             powers.append([name, change, str(len(shots)), f"{sum(one is not None for one in first)}",
-                           f"{median}" if median <= SHOTS else f"over {SHOTS}",
-                           f"{shots[int(0.9 * (len(shots) - 1))]}" if shots[int(0.9 * (len(shots) - 1))] <= SHOTS
-                           else f"over {SHOTS}"])
+                           *(f"{one}" if one <= SHOTS else f"over {SHOTS}" for one in ends)])
     rate = Table(f"Unchanged sessions of {SHOTS} shots, looked at after each", (
         "sessions", "practices, sessions", "alarms", "share (95 %)", "alarms of a 5 % test at each look",
         "share (95 %)"), rates).markdown()
@@ -161,28 +155,14 @@ def _naive(same: Sequence[Sequence[float]]) -> int:
     return int((rank <= ALARM).any(1).sum())
 
 
-def _share(count: int, of: int) -> str:
-    """A share with its exact interval (Clopper and Pearson)."""
-    low = 0.0 if count == 0 else float(beta.ppf(0.025, count, of - count + 1))
-    high = 1.0 if count == of else float(beta.ppf(0.975, count + 1, of - count))
-    return f"{count / of:.1%} ({low:.1%} to {high:.1%})"
-
-
 def main() -> int:
-    args = _arguments()
+    args = read_args(__doc__, practices=(20, "with sessions of the concealed worlds' engine"),
+                     sessions=(50, "unchanged ones of each practice and kind"),
+                     seasons=(6, "practices of MuJoCo's launcher"), seed=(700, "of the first practice, and so on"))
     jobs: dict[str, Job] = {f"{kind}/{args.seed + number}/{args.sessions}": (kind, args.seed + number, args.sessions)
                             for number in range(args.practices) for kind in ("belief", "robot")}
     jobs |= {f"season/{args.seed + number}": ("season", args.seed + number, 1) for number in range(args.seasons)}
     return fill_and_tell(args, lambda: jobs, partial(run, load_config(SHIPPED).rig), make_table)
-
-
-def _arguments() -> argparse.Namespace:
-    parser = parser_of(__doc__)
-    parser.add_argument("--practices", type=int, default=20, help="with sessions of the concealed worlds' engine")
-    parser.add_argument("--sessions", type=int, default=50, help="unchanged ones of each practice and kind")
-    parser.add_argument("--seasons", type=int, default=6, help="practices of MuJoCo's launcher")
-    parser.add_argument("--seed", type=int, default=700, help="of the first practice; the next has the next")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -10,11 +10,11 @@ fewer rows than the original and no line of warning that the original does not h
 each bad case; `--case` runs one again and prints what it gives. Exit 1 when there is a bad one.
 """
 
-import argparse
 import contextlib
 import faulthandler
 import io
 import json
+import multiprocessing
 import os
 import resource
 import select
@@ -27,13 +27,14 @@ import traceback
 from collections import Counter
 from pathlib import Path
 from random import Random
-from typing import NamedTuple
 
 import msgspec
 
-from benchmarks import fuzz_mutators, fuzz_readers
-from benchmarks.fuzz_readers import READERS, Reader
+from benchmarks import fuzz_mutators
+from benchmarks.fuzz_readers import READERS, Reader, make_originals
+from benchmarks.options import read_options
 from truearc.errors import InputError
+from truearc.sim.printed import make_text
 
 LONGEST_S, PATIENCE_S = 15, 300.0     # of a core, where a case takes 0.1 s; and of the clock, for a busy computer
 MOST_BYTES = 500_000_000              # resident; the imports alone are 110 MB
@@ -48,32 +49,6 @@ class Read(msgspec.Struct):
     rows: int = 0
     notes: list[str] = []
     said: str = ""
-    peak_mb: float = 0.0
-    seconds: float = 0.0
-
-
-class Case(NamedTuple):
-    """One damaged file: which reader, which number; `how` it was damaged."""
-
-    reader: str
-    number: int
-    how: str
-    data: bytes
-
-
-def make_case(reader: Reader, data: bytes, seed: int, number: int) -> Case:
-    """The same for the same seed and number."""
-    random = Random(f"{seed} {reader.name} {number}")
-    how, damaged = fuzz_mutators.damage(data, reader.kind, random)
-    return Case(reader.name, number, how, damaged)
-
-
-def judge(case: Case, reader: Reader, got: Read, original: Read) -> Read:
-    """`got`, with what is bad about it as `how`."""
-    least = min(original.rows, original.rows if reader.count is None else reader.count(case.data))
-    if got.how == "accepted" and got.rows < least and not set(got.notes) - set(original.notes):
-        return msgspec.structs.replace(got, how="lost", said=f"{got.rows} rows of {least}")
-    return got
 
 
 def run_case(reader: Reader, originals: Path, data: bytes) -> Read:
@@ -87,8 +62,7 @@ def run_case(reader: Reader, originals: Path, data: bytes) -> Read:
 
 def _in_child(reader: Reader, home: Path) -> Read:
     ours, theirs = os.pipe()
-    began = time.monotonic()
-    child = os.fork()
+    began, child = time.monotonic(), os.fork()
     if child == 0:
         os.close(ours)
         _child(reader, home, theirs)
@@ -103,15 +77,13 @@ def _in_child(reader: Reader, home: Path) -> Read:
         os.kill(child, signal.SIGKILL)
     os.close(ours)
     _, status, used = os.wait4(child, 0)
-    seconds, peak_mb = used.ru_utime + used.ru_stime, used.ru_maxrss / 1e3
     if os.WIFSIGNALED(status) and os.WTERMSIG(status) in (signal.SIGXCPU, signal.SIGKILL):
-        return Read("hang", peak_mb=peak_mb, seconds=seconds)
+        return Read("hang")
     if not said or os.WIFSIGNALED(status):
-        return Read("crash", said=f"status {status}", peak_mb=peak_mb, seconds=seconds)
+        return Read("crash", said=f"status {status}")
     got = msgspec.json.decode(said, type=Read)
-    got.peak_mb, got.seconds = peak_mb, seconds
-    if peak_mb * 1e6 > MOST_BYTES:
-        got.how, got.said = "memory", f"{peak_mb:.0f} MB, {got.how}: {got.said}"
+    if (peak := used.ru_maxrss * 1e3) > MOST_BYTES:
+        got.how, got.said = "memory", f"{peak / 1e6:.0f} MB, {got.how}: {got.said}"
     return got
 
 
@@ -140,9 +112,9 @@ def _child(reader: Reader, home: Path, pipe: int) -> None:
 
 
 class Fuzz:
-    """Cases of every reader, as much time for each of them, and what was bad."""
+    """The originals, what reading them gives, and damaged ones."""
 
-    def __init__(self, originals: Path, seed: int, only: str = "") -> None:
+    def __init__(self, originals: Path, seed: int, only: str) -> None:
         self.seed, self.originals = seed, originals
         self.readers = [reader for reader in READERS if only in reader.name]
         self.data = {reader.name: (originals / reader.folder / reader.file).read_bytes() for reader in self.readers}
@@ -150,78 +122,57 @@ class Fuzz:
         for name, read in self.first.items():
             if read.how != "accepted":
                 raise SystemExit(f"{name}: the original itself: {read.how}: {read.said}")
-        self.counts: dict[str, Counter[str]] = {reader.name: Counter() for reader in self.readers}
-        self.peak_mb: dict[str, float] = dict.fromkeys(self.counts, 0.0)
-        self.longest_s: dict[str, float] = dict.fromkeys(self.counts, 0.0)
-        self.spent_s: dict[str, float] = dict.fromkeys(self.counts, 0.0)
 
-    def next(self) -> tuple[Case, Read]:
-        """The next case of the reader that has had the least time."""
-        reader = min(self.readers, key=lambda one: self.spent_s[one.name])
-        case, got = self.run(reader, self.counts[reader.name].total())
-        self.spent_s[reader.name] += got.seconds
-        return case, got
-
-    def run(self, reader: Reader, number: int) -> tuple[Case, Read]:
-        case = make_case(reader, self.data[reader.name], self.seed, number)
-        got = judge(case, reader, run_case(reader, self.originals, case.data), self.first[reader.name])
-        self.counts[reader.name][got.how] += 1
-        self.peak_mb[reader.name] = max(self.peak_mb[reader.name], got.peak_mb)
-        self.longest_s[reader.name] = max(self.longest_s[reader.name], got.seconds)
-        return case, got
-
-    def table(self) -> str:
-        lines = [f"{'reader':18}{'cases':>8}{'refused':>9}{'accepted':>10}{'bad':>6}{'peak MB':>9}{'longest s':>16}"]
-        for name, counts in self.counts.items():
-            bad = sum(counts[how] for how in BAD)
-            lines.append(f"{name:18}{counts.total():8}{counts['refused']:9}{counts['accepted']:10}{bad:6}"
-                         f"{self.peak_mb[name]:9.0f}{self.longest_s[name]:16.2f}")
-        return "\n".join(lines)
+    def run(self, reader: Reader, number: int) -> tuple[str, bytes, Read]:
+        """How a file is damaged, the same for the same seed and number; the file; and what reading it gives."""
+        random, original = Random(f"{self.seed} {reader.name} {number}"), self.first[reader.name]
+        how, data = fuzz_mutators.damage(self.data[reader.name], reader.kind, random)
+        got = run_case(reader, self.originals, data)
+        least = min(original.rows, original.rows if reader.count is None else reader.count(data))
+        if got.how == "accepted" and got.rows < least and not set(got.notes) - set(original.notes):
+            got.how, got.said = "lost", f"{got.rows} rows of {least}"
+        return how, data, got
 
 
 def main() -> int:
-    args = _arguments()
+    args = read_options(__doc__, minutes=1.0, seed=1, only=("", "readers whose name has this word in it"),
+                        case=("", "NAME:NUMBER, one case; --out takes the damaged file"), out=Path)
+    name, _, number = args.case.partition(":")
     with tempfile.TemporaryDirectory(prefix="originals") as folder:
-        fuzz_readers.make_originals(Path(folder))
-        fuzz = Fuzz(Path(folder), args.seed, args.case.partition(":")[0] if args.case else args.only)
-        if args.case:
-            case, got = fuzz.run(fuzz.readers[0], int(args.case.partition(":")[2]))
-            if args.out:
-                args.out.write_bytes(case.data)
-            print(case.how, json.dumps(msgspec.to_builtins(fuzz.first[case.reader]), indent=1),
-                  json.dumps(msgspec.to_builtins(got), indent=1).replace("\\n", "\n"), sep="\n")
-            return int(got.how in BAD)
-        return _run_all(fuzz, args)
+        maker = multiprocessing.get_context("spawn").Process(target=make_originals, args=(Path(folder),))
+        maker.start()
+        maker.join()
+        fuzz = Fuzz(Path(folder), args.seed, name or args.only)
+        if not args.case:
+            return _run_all(fuzz, args.minutes, args.out or Path(os.devnull))
+        how, data, got = fuzz.run(fuzz.readers[0], int(number))
+        if args.out:
+            args.out.write_bytes(data)
+        print(how, *(json.dumps(msgspec.to_builtins(read), indent=1).replace("\\n", "\n")
+                     for read in (fuzz.first[fuzz.readers[0].name], got)), sep="\n")
+        return int(got.how in BAD)
 
 
-def _run_all(fuzz: Fuzz, args: argparse.Namespace) -> int:
-    until, bad = time.monotonic() + 60.0 * args.minutes, 0
-    with contextlib.ExitStack() as stack:
-        out = stack.enter_context(args.out.open("a", encoding="utf-8")) if args.out else None
-        while time.monotonic() < until or not all(fuzz.spent_s.values()):
-            case, got = fuzz.next()
-            if got.how not in BAD:
-                continue
-            bad += 1
-            line = {"seed": fuzz.seed, "case": f"{case.reader}:{case.number}", "damage": case.how,
-                    **msgspec.to_builtins(got)}
-            print(f"{line['case']}: {got.how}: {case.how}: {got.said.strip().splitlines()[-1:]}", file=sys.stderr)
-            if out is not None:
-                print(json.dumps(line), file=out, flush=True)
-    print(fuzz.table())
-    print(f"seed {fuzz.seed}: {sum(counts.total() for counts in fuzz.counts.values())} cases, {bad} bad, "
-          f"{sum(fuzz.spent_s.values()) / 60.0:.1f} minutes of a core in their processes")
+def _run_all(fuzz: Fuzz, minutes: float, path: Path) -> int:
+    """A case of each reader in turn, until the time is up."""
+    until, counts, number = time.monotonic() + 60.0 * minutes, Counter[tuple[str, str]](), 0
+    with path.open("a", encoding="utf-8") as out:
+        while not number or time.monotonic() < until:
+            for reader in fuzz.readers:
+                how, _, got = fuzz.run(reader, number)
+                counts[reader.name, got.how] += 1
+                if got.how in BAD:
+                    line = {"seed": fuzz.seed, "case": f"{reader.name}:{number}", "damage": how,
+                            **msgspec.to_builtins(got)}
+                    print(f"{line['case']}: {got.how}: {how}: {got.said.strip().splitlines()[-1:]}", file=sys.stderr)
+                    print(json.dumps(line), file=out, flush=True)
+            number += 1
+    bad = sum(count for (_, how), count in counts.items() if how in BAD)
+    rows = [(reader.name, *(str(counts[reader.name, how]) for how in ("refused", "accepted", *BAD)))
+            for reader in fuzz.readers]
+    print(*make_text(("reader", "refused", "accepted", *BAD), rows, right=range(1, 3 + len(BAD))),
+          f"seed {fuzz.seed}: {counts.total()} cases, {bad} bad", sep="\n")
     return int(bad > 0)
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=1.0)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="readers whose name has this word in it")
-    parser.add_argument("--case", default="", metavar="NAME:NUMBER", help="one case; --out takes the damaged file")
-    parser.add_argument("--out", type=Path, metavar="FILE")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

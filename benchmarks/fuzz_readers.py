@@ -1,34 +1,32 @@
 """What `fuzz` damages: the files, and how each of them is read.
 
-Nothing here imports JAX; `make_originals` runs what does in a process of its own."""
+Nothing here imports JAX, but `make_originals`."""
 
 import io
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
 from truearc.robot.aim_file import load_aim
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.config.shot_map import load_map
 from truearc.robot.gate import load_gate
-from truearc.robot.recording.export.convert import ExportRows
+from truearc.robot.recording.export import ExportRows
 from truearc.robot.recording.files import parse_candump
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.recover import recover
 from truearc.robot.recording.replay import Difference, replay_frames
 from truearc.robot.recording.session import load_session_aims, load_session_config, load_trials
+from truearc.robot.recording.upkeep import recover
 from truearc.sim.data.files import load_dataset, load_rig
-from truearc.sim.data.importers.any_team import import_shots
+from truearc.sim.data.import_shots import import_shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.sysid.session import load_steps
 from truearc_frc import maps
-from truearc_frc.wpilog_export import write_wpilog
+from truearc_frc.wpilog import write_wpilog
 
 ROOT = Path(__file__).parents[1]
 GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
@@ -159,25 +157,17 @@ READERS = (
 
 
 def make_originals(home: Path) -> None:
-    """Small files of each kind, the same on every run; in a process of its own, which imports what this may not."""
-    subprocess.run([sys.executable, "-c", "import sys; from pathlib import Path; "
-                    "from benchmarks.fuzz_readers import make; make(Path(sys.argv[1]))", str(home)],
-                   cwd=ROOT, check=True)
-
-
-def make(home: Path) -> None:
-    """As make_originals, here."""
+    """Small files of each kind, the same on every run; for a process of its own, as it imports what the fuzzer may not.
+    """
     from tests.sim.data.stranger_log import write_stranger_log
+    from truearc.sim.data.files import save_rig
     from truearc.sim.world.emulated_robot import emulate
 
-    launcher = Path(robot.__file__).parent / "launcher.toml"
-    config = load_config(launcher)
+    config = load_config(SHIPPED)
     emulate(config, home / "session", trials=3, seed=3)
     logs, tables, dataset, parquet, toml = (home / name for name in ("logs", "tables", "dataset", "parquet", "toml"))
     for folder in (logs, tables, dataset, parquet, toml):
         folder.mkdir()
-    from truearc.sim.data.files import save_rig
-    for folder in (logs, tables, dataset, parquet, toml):
         save_rig(folder / "rig.toml", config.rig)
     with (logs / "log.wpilog").open("wb") as file:
         write_wpilog(ExportRows(home / "session", lambda done, note: None), file)
@@ -185,8 +175,8 @@ def make(home: Path) -> None:
     write_stranger_log(home / "session", logs / "plain.wpilog", feeder=False, every=2)
     _write_csv_logs(logs)
     _write_tables(tables, dataset, parquet)
-    shutil.copy(launcher, toml / "launcher.toml")
-    text = launcher.read_text(encoding="utf-8")
+    shutil.copy(SHIPPED, toml / "launcher.toml")
+    text = SHIPPED.read_text(encoding="utf-8")
     parts = {part.partition("]")[0]: f"[{part}" for part in text.split("\n[")}
     (toml / "camera.toml").write_text("\n".join(part for name, part in parts.items()
                                                 if name in ("camera", "tape", "vision")), encoding="utf-8")
@@ -197,7 +187,7 @@ def make(home: Path) -> None:
 
 def _write_csv_logs(logs: Path) -> None:
     """What AdvantageScope exports of the stranger's log: a list, and a table."""
-    from truearc_frc.wpilog_log import read_wpilog
+    from truearc_frc.wpilog import read_wpilog
     log = read_wpilog(logs / "stranger.wpilog")
     rows = sorted((t_s, name, value) for name, series in log.items()
                   for t_s, value in zip(series.t_s.tolist(), series.values, strict=True))

@@ -1,17 +1,15 @@
-"""Duration of one decision of the gate, beside plain NumPy and scikit-learn.
+"""Duration of one decision of the gate.
 
     python -m benchmarks.gate [--calls 5000] [--rounds 12] [--shots 120]
 
 Makes simulated shots of its own, trains both kinds of model on them, exports both, and times `Gate.rate`: from three
-floats to a rating, building the features and checking the domain included; one thread, no spinning. The NumPy line is
-the paper's network alone, without domain check or novelty; scikit-learn's is a logistic regression. They take turns in
+floats to a rating, building the features and checking the domain included; one thread, no spinning. They take turns in
 rounds. A shared machine interrupts about one call in a hundred, and at times halves the speed of all: the median round
 and the quickest are reported, the latter being closest to an undisturbed machine.
 
 Exits 1 when the p99 of a gate in its quickest round is over 50 microseconds.
 """
 
-import argparse
 import sys
 import tempfile
 import time
@@ -19,8 +17,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from sklearn.linear_model import LogisticRegression
 
+from benchmarks.options import read_options
 from truearc.model_export.graph import export_weights
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.robot.gate import FEATURES, load_gate
@@ -63,22 +61,7 @@ def make_rates(shots: Shots, folder: Path) -> dict[str, Rate]:
     for kind in ("network", "physics"):
         export_weights(folder / kind, folder / f"{kind}.onnx")
         rates[f"gate, {kind}"] = load_gate(folder / f"{kind}.onnx").rate
-    rates["NumPy, the network alone"] = plain(network)
-    hit = np.array([outcome != "miss" for outcome in shots.text("outcome")])
-    regression = LogisticRegression().fit(features, hit)
-    rates["scikit-learn, logistic regression"] = lambda *row: regression.predict_proba(np.array((row,)))
     return rates
-
-
-def plain(network: Network) -> Rate:
-    layers = network.layers
-
-    def rate(distance_m: float, motor_ratio: float, hood_deg: float) -> object:
-        z = (np.array((distance_m, motor_ratio, hood_deg)) - network.mean) * network.scale
-        hidden = 1.0 / (1.0 + np.exp(-(z @ layers.hidden_w + layers.hidden_b)))
-        return 1.0 / (1.0 + np.exp(-(hidden @ layers.out_w + layers.out_b)))
-
-    return rate
 
 
 def time_calls(rate: Rate, rows: list[list[float]]) -> np.ndarray:
@@ -94,11 +77,7 @@ def time_calls(rate: Rate, rows: list[list[float]]) -> np.ndarray:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--calls", type=int, default=5000, help="of each way in each round")
-    parser.add_argument("--rounds", type=int, default=12)
-    parser.add_argument("--shots", type=int, default=120, help="recorded shots to train on")
-    args = parser.parse_args()
+    args = read_options(__doc__, calls=(5000, "of each way in each round"), rounds=12, shots=(120, "to train on"))
     with tempfile.TemporaryDirectory() as folder:
         rates = make_rates(make_shots(args.shots), Path(folder))
         rows = np.random.default_rng(3).uniform([2.5, 0.4, 30.0], [8.0, 0.9, 54.0], (args.calls, 3)).tolist()
@@ -109,16 +88,11 @@ def main() -> int:
     print(f"{args.rounds} rounds of {args.calls} decisions, trained on {args.shots} shots; us, p50 / p99 / p99.9")
     slow = False
     for name, rounds in took.items():
-        middle = np.median(rounds, axis=0)
         best = min(rounds, key=lambda one: one[1])
-        print(f"{name:34s} median round {_cells(middle)}   quickest {_cells(best)}")
-        slow |= name.startswith("gate") and best[1] > LIMIT_US
-    print(f"p99 under {LIMIT_US:.0f} us in the quickest round: {'no' if slow else 'yes'}")
+        middle, quickest = (" /".join(f"{value:7.1f}" for value in one) for one in (np.median(rounds, axis=0), best))
+        print(f"{name:34s} median round {middle}   quickest {quickest}")
+        slow |= best[1] > LIMIT_US
     return int(slow)
-
-
-def _cells(values: np.ndarray) -> str:
-    return " /".join(f"{value:7.1f}" for value in values)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """Data that a recording loses to `kill -9` at random moments.
 
-    python -m benchmarks.kill [--kills 200] [--seed 0] [--pace twin|robot] [--layout three|one] [--folder DIR]
+    python -m benchmarks.kill [--kills 200] [--seed 0]
 
 A child process records real ticks, CAN frames and images in a loop, marks a trial every quarter of a second, and
 reports on a pipe what it has handed to the recorder. It is killed, and its report is compared with the files.
-`twin`: as fast as it can, the recorder making it wait; `robot`: 200 ticks a second, never waiting. At the robot's pace
-the recorder is a process of its own, which lives on when the child is killed, or (`--layout one`) threads of the child.
+It is the robot's pace, 200 ticks a second, and the recorder is a process of its own, which lives on. Tests also kill a
+child that is as fast as it can (`twin`: the recorder makes it wait), and one whose recorder is threads of it (`one`).
 """
 
 import argparse
@@ -31,8 +31,8 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
 from truearc.robot.recording.files import load_image, load_pictures, parse_candump
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import CAN, load_header, load_session_config, load_trials
+from truearc.robot.recording.upkeep import recover
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.types import Outcome, Tick
 
@@ -55,8 +55,8 @@ class Killed(NamedTuple):
 
 def kill_once(source: Path, folder: Path, seed: int, pace: str, layout: str = "one") -> Killed:
     """Record into `folder`, kill the recorder at a moment drawn from `seed`, read what is there and repair it."""
-    child = subprocess.Popen([sys.executable, __file__, "--child", str(source), str(folder), "--pace", pace,
-                              "--layout", layout], stdout=subprocess.PIPE)
+    child = subprocess.Popen([sys.executable, __file__, "--child", str(source), str(folder), pace, layout],
+                             stdout=subprocess.PIPE)
     assert child.stdout is not None
     said = child.stdout.read(SAID.size)
     if len(said) < SAID.size:
@@ -144,38 +144,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--pace", choices=("twin", "robot"), default="robot")
-    parser.add_argument("--layout", choices=("three", "one"), help="default: three, or one at the twin's pace")
-    parser.add_argument("--folder", type=Path, help="where to record (default: the system's temporary folder)")
-    parser.add_argument("--child", type=Path, nargs=2, help=argparse.SUPPRESS)
+    parser.add_argument("--child", nargs=4, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.child:
-        record_for_ever(*args.child, args.pace, args.layout)
-    layout = args.layout or ("three" if args.pace == "robot" else "one")
-    from truearc.sim.world.emulated_robot import (
-        emulate,  # not for the child, nor for its recorder, which imports this file again
-    )
+        record_for_ever(*map(Path, args.child[:2]), *args.child[2:])
+    from truearc.sim.world.emulated_robot import emulate  # not for the child, nor its recorder, which import this file
 
-    with tempfile.TemporaryDirectory(dir=args.folder) as folder:
+    with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "source"
         emulate(load_config(SHIPPED), source, trials=1, seed=args.seed)
-        report([kill_once(source, Path(folder) / f"{number}", args.seed + number, args.pace, layout)
-                for number in range(args.kills)], args.pace, layout)
-
-
-def report(kills: list[Killed], pace: str, layout: str) -> None:
-    """The table."""
+        kills = [kill_once(source, Path(folder) / f"{number}", args.seed + number, "robot", "three")
+                 for number in range(args.kills)]
     lost = sorted(kill.lost_s for kill in kills)
-    where = "in a process of its own" if layout == "three" else "in the process that is killed"
-    print(f"{len(kills)} kills at the {pace}'s pace, recorder {where}, after "
+    print(f"{len(kills)} kills at the robot's pace, recorder in a process of its own, after "
           f"{sum(kill.said_s for kill in kills):.0f} s of ticks")
     print(f"ticks lost           median {lost[len(lost) // 2]:.3f} s, worst {lost[-1]:.3f} s (promised: 0.25 s)")
     print(f"marked trials        {sum(kill.marked for kill in kills)}, lost {sum(kill.marks_lost for kill in kills)}, "
           f"of which recover put back {sum(kill.marks_recovered for kill in kills)}")
     faults = [f"kill {number}: {fault}" for number, kill in enumerate(kills) for fault in kill.faults]
-    print(f"unreadable or torn   {len(faults)}")
-    for fault in faults:
-        print(f"  {fault}")
+    print("\n  ".join([f"unreadable or torn   {len(faults)}", *faults]))
 
 
 if __name__ == "__main__":

@@ -13,22 +13,21 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
-from benchmarks.worlds import Line, fill_and_tell, parser_of
+from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.cli.common import SHIPPED
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.finding import make_json
-from truearc.sim.discover.investigate import Investigation, discover, make_belief
+from truearc.sim.discover.investigate import discover, make_belief
 from truearc.sim.infer.belief import Belief, before_the_shot
 from truearc.sim.physics.simulate import predict
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import Season
+from truearc.sim.world.world import Season
 from truearc_proof.table import Table
 from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
 
@@ -40,13 +39,7 @@ HEADER = ("level", "seed", "p-value", "verdict", "stage", "names", "heights off 
                 "ratio")
 
 
-class Job(NamedTuple):
-    """A world."""
-
-    level: str
-    shots: int
-    seed: int
-    unseen: int
+Job = tuple[str, int, int, int]       # level, shots, seed, and shots of the other session
 
 
 def heights_m(season: Season) -> np.ndarray:
@@ -65,22 +58,19 @@ def off_m(facts: Rig, belief: Belief, season: Season) -> float:
 def run(facts: Rig, job: Job) -> Line:
     """What was found, and RMS errors in m of heights in a session that nothing was fitted to."""
     keep_compiled()
-    seed = job.seed
-    dataset = play_season(facts, Options(), seed, plan_season(seed, job.shots), job.level, ORDINARY).dataset
+    level, shots, seed, unseen = job
+    dataset = play_season(facts, Options(), seed, plan_season(seed, shots), level, ORDINARY).dataset
     found = discover(dataset, BELIEVED, seed=seed)
     after, before = make_belief(found)[0], make_belief(replace(found, steps=()))[0]
-    settings = plan_season(seed + 1, job.unseen)
+    settings = plan_season(seed + 1, unseen)
     other = play_season(facts, Options(), seed + 1, settings, "L0", EXACT)
     still = play_season(facts, Options(scatter_scale=0.0), seed + 1, settings, "L0", EXACT)
-    return {"level": job.level, "shots": job.shots, "seed": seed, **_said(found),
+    finding = msgspec.json.decode(make_json(found.finding))
+    return {"level": level, "shots": shots, "seed": seed,
+            **{key: finding[key] for key in ("verdict", "sentence", "where", "what", "set", "also", "fit")},
+            "found": finding["mismatch"]["found"], "p_value": finding["mismatch"]["p_value"],
             "before_m": off_m(facts, before, other), "after_m": off_m(facts, after, other),
             "scatter_m": float(np.nanstd(heights_m(other) - heights_m(still)))}
-
-
-def _said(found: Investigation) -> Line:
-    finding = msgspec.json.decode(make_json(found.finding))
-    return {key: finding[key] for key in ("verdict", "sentence", "where", "what", "set", "also", "fit")} | {
-        "found": finding["mismatch"]["found"], "p_value": finding["mismatch"]["p_value"]}
 
 
 def make_table(lines: Sequence[Line]) -> str:
@@ -106,17 +96,12 @@ def _name(effect: Line) -> str:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
-    parser.add_argument("--level", default="L1,L2")
-    parser.add_argument("--shots", type=int, default=300)
-    parser.add_argument("--unseen", type=int, default=200, help="shots of the other session (%(default)s)")
-    parser.add_argument("--worlds", type=int, default=10, help="of each kind")
-    parser.add_argument("--seed", type=int, default=11, help="of the first number of world; the next has the next")
-    args = parser.parse_args()
+    args = read_args(__doc__, level="L1,L2", shots=300, unseen=(200, "shots of the other session"),
+                     worlds=(10, "of each kind"), seed=(11, "of the first number of world; the next has the next"))
 
-    jobs = [Job(level, args.shots, APART * (args.seed + number), args.unseen)
-            for number in range(args.worlds) for level in args.level.split(",")]
-    return fill_and_tell(args, lambda: {f"{job.level}/{job.shots}/{job.seed}": job for job in jobs},
+    seeds = [APART * (args.seed + number) for number in range(args.worlds)]
+    return fill_and_tell(args, lambda: {f"{level}/{args.shots}/{seed}": (level, args.shots, seed, args.unseen)
+                                        for seed in seeds for level in args.level.split(",")},
                          partial(run, load_config(SHIPPED).rig), make_table)
 
 

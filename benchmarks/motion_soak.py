@@ -21,6 +21,7 @@ from msgspec.structs import replace
 from benchmarks.matrix.motion import FREE_RAD_S, GOOD_S, PLACE_M, SET_RAD_S, MovingWorld, ToldEyes, make_sick_nodes
 from benchmarks.matrix.rows import INTERLOCKS
 from benchmarks.matrix.run import with_launcher
+from benchmarks.options import add_options
 from truearc.cli.common import SHIPPED
 from truearc.hw.devices.button_box import open_button_box
 from truearc.hw.emulated.nodes import StepClock
@@ -31,6 +32,7 @@ from truearc.robot.runtime import run
 from truearc.robot.types import Sent, Tick
 from truearc.sim.world.emulated_robot import emulated_rig
 from truearc.sim.world.options import Options
+from truearc_proof.parallel import append_line, lines_of
 
 NS = 1e-9
 SETTLE_S, FIRE_S, MARK_S = 1.0, 2.0, 1.2      # the driver arms, asks for a ball so often, and marks it so much later
@@ -179,9 +181,11 @@ def _judge(case: Case, result: Soaked) -> None:
 
 
 def main() -> int:
-    args = _arguments()
-    there = [msgspec.json.decode(line, type=Soaked) for line in args.out.read_bytes().splitlines()] if (
-        args.out and args.out.exists()) else []
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--launcher", default="odrive", choices=("odrive", "spark"))
+    args = add_options(parser, only=("", "a pattern: cases whose names match"), seconds=(800.0, "emulated, of each"),
+                       out=(Path, "a line a case; goes on where it ended")).parse_args()
+    there = [msgspec.convert(line, Soaked) for line in lines_of(args.out)] if args.out else []
     done = {(one.case, one.launcher) for one in there if not one.wrong}
     wrong = 0
     for name, case in CASES.items():
@@ -193,18 +197,8 @@ def main() -> int:
                   f"{result.gaps_s[0]:.2f} and {result.gaps_s[1]:.2f} s; "
                   f"{'; '.join(result.wrong) or 'as it should be'}", flush=True)
             if args.out:
-                with args.out.open("ab") as file:
-                    file.write(msgspec.json.encode(result) + b"\n")
+                append_line(args.out, result)
     return int(wrong > 0)
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", metavar="PATTERN", help="cases whose names match")
-    parser.add_argument("--seconds", type=float, default=800.0, help="emulated, of each case (default 800)")
-    parser.add_argument("--launcher", default="odrive", choices=("odrive", "spark"))
-    parser.add_argument("--out", type=Path, metavar="FILE", help="a line a case; goes on where it ended")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -14,14 +14,13 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.worlds import Line, fill_and_tell, parser_of
+from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.sim.compute import keep_compiled
-from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.finding import FALSE_ALARM
+from truearc.sim.discover.identifiability import sight_of
 from truearc.sim.discover.investigate import detect, make_search
-from truearc.sim.discover.plan.identifiability import sight_of
 from truearc.sim.infer.fit import fit_believed
-from truearc.sim.infer.launcher import Launcher, LauncherFit
+from truearc.sim.infer.launcher import Launcher
 from truearc.sim.printed import make_text
 from truearc_proof.rounds.marks import in_catalogue
 from truearc_proof.rounds.worlds import names_at
@@ -36,7 +35,8 @@ def run(level: str, shots: int, seed: int) -> Line:
     """One world: {effect: whether discovery reports it at the size that would be seen four times in five}."""
     keep_compiled()
     still = shoot(make_world({}, level, shots, seed))
-    smallest = {one.term: (one.smallest, one.usual) for one in sight_of(fitted(still).scores, level, ()).terms}
+    sight = sight_of(fit_believed(Launcher.of(still, BELIEVED)).scores, level, ())
+    smallest = {one.term: (one.smallest, one.usual) for one in sight.terms}
     found: dict[str, bool] = {}
     for place, name in enumerate(sorted(names_at("effects", level))):
         effect = find_effect(name)
@@ -46,14 +46,9 @@ def run(level: str, shots: int, seed: int) -> Line:
             continue
         sign = -1.0 if effect.signed and seed // TURNS % 2 else 1.0
         world = shoot(make_world({name: sign * effect.typical * size / abs(known[1])}, level, shots, seed))
-        _, judged = detect(fitted(world), make_search(world), lambda done, note: None)
+        _, judged = detect(fit_believed(Launcher.of(world, BELIEVED)), make_search(world), lambda done, note: None)
         found[name] = judged.p_any <= FALSE_ALARM
     return {"level": level, "shots": shots, "found": found}
-
-
-def fitted(dataset: Dataset) -> LauncherFit:
-    """The baseline at its best."""
-    return fit_believed(Launcher.of(dataset, BELIEVED))
 
 
 def make_table(lines: Sequence[Line]) -> str:
@@ -74,12 +69,7 @@ def make_table(lines: Sequence[Line]) -> str:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
-    parser.add_argument("--level", choices=("L0", "L1", "L2"), default="L1")
-    parser.add_argument("--worlds", type=int, default=8)
-    parser.add_argument("--shots", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=730)
-    args = parser.parse_args()
+    args = read_args(__doc__, level="L1", worlds=8, shots=300, seed=730)
     return fill_and_tell(args, lambda: {f"{args.level}/{args.shots}/{seed}": seed
                                         for seed in range(args.seed, args.seed + args.worlds)},
                          partial(run, args.level, args.shots), make_table)

@@ -2,7 +2,6 @@
 
     truearc prove pack --out ROUND --packed round.tar.xz
     python -m benchmarks.proof round.tar.xz [--reliability FILE.png]
-    python -m benchmarks.proof docs/measured/sealed/*.tar.xz --write docs/measured/sealed.md
 
 Rounds of one level and as many shots, gathered over several sittings, are marked as one.
 Nothing is checked here but the ledger's chain: `truearc prove check --packed FILE --out DIR` makes worlds again.
@@ -25,13 +24,10 @@ from truearc_proof.rounds.page import reliability_png
 from truearc_proof.rounds.tables import posterior_rows
 from truearc_proof.table import make_markdown
 
-BEGIN, END = "<!-- rounds: begin -->\n", "<!-- rounds: end -->\n"
-
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("packed", type=Path, nargs="+")
-    parser.add_argument("--write", type=Path, metavar="PAGE", help="put it between that page's marks")
     parser.add_argument("--reliability", type=Path, metavar="PNG", help="picture: probabilities beside what was right")
     args = parser.parse_args()
     rounds = sorted(map(load, args.packed), key=lambda one: one.setting)
@@ -40,14 +36,7 @@ def main() -> None:
         if drawn is None:
             raise SystemExit("these rounds were marked without the probabilities that were claimed")
         args.reliability.write_bytes(drawn)
-    text = "\n".join(tell_posterior(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting))
-    if args.write is None:
-        print(text)
-        return
-    page = args.write.read_text(encoding="utf-8")
-    before, rest = page.split(BEGIN)
-    _, after = rest.split(END)
-    args.write.write_text(before + BEGIN + text + END + after, encoding="utf-8")
+    print(tell_posteriors(rounds))
 
 
 class Packed(NamedTuple):
@@ -71,7 +60,12 @@ def load(path: Path) -> Packed:
     return Packed((plan.level, plan.shots), graded, facts)
 
 
-def tell_posterior(rounds: Sequence[Packed]) -> str:
+def tell_posteriors(rounds: Sequence[Packed]) -> str:
+    """Of rounds in the order of their settings, all levels."""
+    return "\n".join(_tell_level(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting))
+
+
+def _tell_level(rounds: Sequence[Packed]) -> str:
     """Of rounds of one level what each was drawn from, and their figures beside the targets of the posterior."""
     level, shots = rounds[0].setting
     marks = [one.first for packed in rounds for one in packed.graded]

@@ -14,7 +14,6 @@ import re
 import sys
 import tempfile
 from pathlib import Path
-from typing import NamedTuple
 
 import truearc as ta
 from truearc.cli.main import main as truearc
@@ -24,41 +23,33 @@ from truearc_proof.table import make_markdown
 LINEAR_DRAG = Path(__file__).parents[1] / "examples" / "linear_drag.py"
 
 
-class Asked(NamedTuple):
-    """A set of recordings: what `import` and `discover` are given."""
-
-    title: str
-    importer: str
-    files: tuple[str, ...]
-    options: tuple[str, ...] = ()
-
-
+# name: title, and what `import` and `discover` are given
 SETS = {
-    "mpi": Asked("table-tennis launcher", "mpi", ("mpi_launches.csv", "mpi_tracks.csv"), ("--believe", "gravity,drag")),
-    "drops": Asked("ball drops from 47 m", "ball-drops", ("ball_drops.csv",), ("--believe", "gravity")),
-    "falls": Asked("a toolbox's ball drops", "sepia-drops",
-                   tuple(f"sepia_ball_drop/1_field.{what}" for what in ("dat", "height", "radii")),
-                   ("--terms-from", str(LINEAR_DRAG), "--believe", "gravity")),
-    "bb": Asked("a throwing robot", "ball-butler", ("ball_butler_tracks.csv",), ("--believe", "gravity")),
-    "speeds": Asked("team 971's exit speeds", "frc-971", ("frc971_wheel_to_ball_speed.csv",)),
-    "new-and-old": Asked("team 254's set points", "frc-254", ("frc_shot_tables.csv",)),
-    "two-weeks": Asked("team 3476's set points", "frc-3476", ("frc3476_tuning_history.csv",)),
+    "mpi": ("table-tennis launcher", "mpi", ("mpi_launches.csv", "mpi_tracks.csv"), "--believe", "gravity,drag"),
+    "drops": ("ball drops from 47 m", "ball-drops", ("ball_drops.csv",), "--believe", "gravity"),
+    "falls": ("a toolbox's ball drops", "sepia-drops",
+              tuple(f"sepia_ball_drop/1_field.{what}" for what in ("dat", "height", "radii")),
+              "--terms-from", str(LINEAR_DRAG), "--believe", "gravity"),
+    "bb": ("a throwing robot", "ball-butler", ("ball_butler_tracks.csv",), "--believe", "gravity"),
+    "speeds": ("team 971's exit speeds", "frc-971", ("frc971_wheel_to_ball_speed.csv",)),
+    "new-and-old": ("team 254's set points", "frc-254", ("frc_shot_tables.csv",)),
+    "two-weeks": ("team 3476's set points", "frc-3476", ("frc3476_tuning_history.csv",)),
 }
 
 
 def ask(name: str, data: Path, folder: Path) -> tuple[str, ...]:
     """Import a set and ask about it; its row."""
-    asked, where = SETS[name], folder / name
+    (title, importer, files, *options), where = SETS[name], folder / name
     said = io.StringIO()
     with contextlib.redirect_stdout(said):
-        for words in (["import", asked.importer, *(str(data / one) for one in asked.files), "-o", str(where)],
-                      ["discover", str(where), *asked.options]):
+        for words in (["import", importer, *(str(data / one) for one in files), "-o", str(where)],
+                      ["discover", str(where), *options]):
             said.seek(said.truncate(0))
             if truearc([*words, "--quiet"]):
                 raise InputError(f"truearc {' '.join(words)}: no answer")
     answer = said.getvalue().splitlines()[0]
     held_out = re.search(r"forecasts (.*? instead of [^(]*)", answer)
-    return (asked.title, str(len(ta.load_dataset(where).shots)), answer.partition(". ")[0] + ".",
+    return (title, str(len(ta.load_dataset(where).shots)), answer.partition(". ")[0] + ".",
             held_out[1].strip() if held_out else "-")
 
 

@@ -1,25 +1,31 @@
 """Whether the robot can run for hours: memory, open files, threads, lateness, and whether its recording keeps step.
 
-    python -m benchmarks.soak [--minutes 60] [--folder DIR]
+    python -m benchmarks.soak [--minutes 60] [--folder DIR] [--gate gate.onnx] [--clients 12]
 
 `truearc run` in three processes, its devices in a fourth (slcan on a pseudo-terminal), all in real time. What each
 process holds is read from /proc (Linux). FAIL when a process goes on growing or gathers open files or threads, when
-ticks are missing from the recording or drift against the clock, when a process ends, or a file cannot be read.
+ticks are missing from the recording or drift against the clock, when a process ends, or a file cannot be read. The
+largest sum of the robot's shares of memory (PSS: what several processes use counts once), with a gate and so many
+clients of its page, is what the unit's MemoryMax is made of; `--folder` on a full disk shows what waits for room.
 """
 
-import argparse
+import re
 import statistics
 import sys
 import tempfile
+import threading
 import time
 from array import array
 from collections.abc import Callable
+from contextlib import suppress
+from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
+from benchmarks.options import read_options
 from benchmarks.real_robot import PATIENT, RealRobot, save_config
 from truearc.robot.config.schema import load_config
 from truearc.robot.recording.files import load_image, load_pictures
@@ -27,7 +33,8 @@ from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import LATENESS, load_trials
 from truearc.robot.runtime import Second
 
-SAMPLE_S = 1.0
+SAMPLE_S, PORT = 1.0, 5808
+ASKS = b'{"distance_m": 3.2, "motor_ratio": 0.5, "hood_deg": 50.0}'
 WARM_SHARE = 0.25                     # of the run: caches fill, libraries are loaded
 GROWTH_MB = 4.0                       # more than this after that, and still growing at its end, is a leak
 INDEX_MB_PER_H = 17.5                 # the recording's index, which its end needs, may grow: 0.5 kB per chunk of 0.1 s
@@ -73,15 +80,52 @@ def gathered(samples: list[Sample], what: Callable[[Sample], int]) -> int:
     return min(map(what, warm[-third:])) - min(map(what, warm[:third]))
 
 
-def watch(robot: RealRobot, seconds: float) -> dict[str, list[Sample]]:
-    """What each process holds, once a second; RuntimeError when one ends."""
+def family(pid: int) -> list[int]:
+    """A process and all that it and they have started."""
+    parents = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):       # has ended meanwhile
+            parents[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
+    found = [pid]
+    for one in found:
+        found += [child for child, parent in parents.items() if parent == one]
+    return found
+
+
+def share_mb(pid: int) -> float:
+    """Its proportional share of memory; 0 once it has ended."""
+    with suppress(OSError):
+        shares = re.findall(r"^(?:Pss|SwapPss): +(\d+) kB", Path(f"/proc/{pid}/smaps_rollup").read_text(), re.MULTILINE)
+        return sum(map(int, shares)) * KIB_PER_MB / 1e6
+    return 0.0
+
+
+def look_on() -> None:
+    """A browser with the page open, now and then asking the gate."""
+    while True:
+        try:
+            line = HTTPConnection("127.0.0.1", PORT, timeout=10.0)
+            line.request("POST", "/predict", ASKS, {"Content-Type": "application/json", "Host": f"127.0.0.1:{PORT}"})
+            line.getresponse().read()
+            line.request("GET", "/events", headers={"Host": f"127.0.0.1:{PORT}"})
+            stream = line.getresponse()
+            for _ in range(200):
+                stream.readline()
+            line.close()
+        except (OSError, HTTPException):
+            time.sleep(SAMPLE_S)
+
+
+def watch(robot: RealRobot, seconds: float) -> tuple[dict[str, list[Sample]], float]:
+    """What each process holds, once a second, and the largest sum of shares in MB; RuntimeError when one ends."""
     samples: dict[str, list[Sample]] = {name: [] for name in robot.pids}
-    began_s = time.monotonic()
+    began_s, largest_mb = time.monotonic(), 0.0
     while (t_s := time.monotonic() - began_s) < seconds:
         for name, pid in robot.pids.items():
             samples[name].append(sample(pid, t_s))
+        largest_mb = max(largest_mb, sum(map(share_mb, family(robot.pids["control"]))))
         robot.rest(SAMPLE_S)
-    return samples
+    return samples, largest_mb
 
 
 def judge_memory(samples: dict[str, list[Sample]]) -> list[str]:
@@ -149,13 +193,15 @@ def report(samples: dict[str, list[Sample]], wrong: list[str], summary: list[str
     print(*summary, *(f"FAIL: {words}" for words in wrong), *(["ok"] if not wrong else []), sep="\n")
 
 
-def soak(seconds: float, folder: Path, options: tuple[str, ...] = ()) -> bool:
+def soak(seconds: float, folder: Path, options: tuple[str, ...] = (), clients: int = 0) -> bool:
     """Run for so long, and print what came of it; whether all was well."""
     config = save_config(folder / "launcher.toml", PATIENT)
     robot = RealRobot(config, folder / "sessions", options)
     wrong, samples = [], {}
     try:
-        samples = watch(robot, seconds)
+        for _ in range(clients):
+            threading.Thread(target=look_on, daemon=True).start()
+        samples, largest_mb = watch(robot, seconds)
         ended_ns = time.monotonic_ns()
         words = robot.end()
     except (RuntimeError, FileNotFoundError) as error:
@@ -167,17 +213,16 @@ def soak(seconds: float, folder: Path, options: tuple[str, ...] = ()) -> bool:
         wrong.append(f"exit code {robot.code}")
     found, summary = judge_recording(robot.session, load_config(config).tick_hz, ended_ns)
     wrong += judge_memory(samples) + found
-    report(samples, wrong, [*words.splitlines()[1:2], *summary])
+    report(samples, wrong, [*words.splitlines()[1:2], *summary, f"largest sum of shares {largest_mb:.0f} MB"])
     return not wrong
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--folder", type=Path, help="where to record (default: the system's temporary folder)")
-    args = parser.parse_args()
+    args = read_options(__doc__, minutes=60.0, folder=(Path, "to record in (default: the system's temporary folder)"),
+                        gate=(Path, "to be loaded"), clients=(0, "of the page"))
+    options = ("--page", str(PORT), *(("--gate", str(args.gate.resolve())) if args.gate else ()))
     with tempfile.TemporaryDirectory(dir=args.folder) as name:
-        sys.exit(0 if soak(60.0 * args.minutes, Path(name)) else 1)
+        sys.exit(0 if soak(60.0 * args.minutes, Path(name), options, args.clients) else 1)
 
 
 if __name__ == "__main__":

@@ -5,27 +5,27 @@
 Rendered images come from hw/emulated, which shares no code with robot/vision.
 """
 
-import argparse
 import dataclasses
 import math
 import os
 import time
-from collections import Counter
-from pathlib import Path
+from contextlib import suppress
+from random import Random
 
 import cv2
 import numpy as np
 from msgspec.structs import replace
 
-from truearc import robot
-from truearc.cli.common import make_progress
+from benchmarks.fuzz_mutators import damage
+from benchmarks.options import read_options
+from truearc.cli.common import SHIPPED, make_progress
 from truearc.cli.vision_images import decode_image
 from truearc.errors import InputError
 from truearc.hw.emulated.camera import NOTHING, Stage, outline_m, project
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Config, load_config
 from truearc.robot.vision import detect
-from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc.sim.world.emulated_robot import make_lens, make_tape
 from truearc_proof.world.camera_damage import (
     KINDS,
     USUAL,
@@ -37,8 +37,6 @@ from truearc_proof.world.camera_damage import (
     second_goal,
 )
 
-HOME = Path(robot.__file__).parent
-SHARP, STATED, STATED_PX = "sharp, quiet", "sharp, stated", 0.08    # that look once more, with corner_sigma_px as it is
 BANDS_M = ((1, 2), (2, 3), (3, 5), (5, 7), (7, 9), (9, 12), (12, 16))
 LOOKS = {
     "usual": USUAL,
@@ -48,10 +46,7 @@ LOOKS = {
     "smear 4 px": Look(smear_px=(3.5, 2.0)),
     "bloom 40 %": Look(halo_share=0.4),
 }
-WRITTEN = {"gamma 2.2": Look(gamma=2.2), "clipped 2.5 x": Look(gain=2.5)}    # not as docs/how-to/vision.md asks
 SMEAR_PX = 0.0366                     # of a degree a second, in an exposure of 3 ms
-TURNING = {f"turns {rate} deg/s": Look(turn_deg_s=(rate, rate / 5), readout_s=0.03,
-                                       smear_px=(-SMEAR_PX * rate, SMEAR_PX * rate / 5)) for rate in (10, 30, 90)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +56,6 @@ class Shot:
     frame: CameraFrame
     camera: CameraConfig
     distance_m: float
-    facing_deg: float
     corners_px: np.ndarray | None     # (4, 2) of the target, before the shake; None when it is not there
     kind: str = ""
     other_px: np.ndarray | None = None    # (n, 2) of a second goal
@@ -75,7 +69,7 @@ def pitch_for(distance_m: float, rise_m: float) -> float:
 def shoot(config: Config, rng: np.random.Generator, distance_m: float, look: Look, *, kinds: tuple = (),
           absent: bool = False) -> Shot:
     """The target up to 35 degrees off its axis, the camera up to 9 degrees off its own, mounted as well as believed and
-    turning as much, unless the look says how it turns or is of a camera that stands still."""
+    turning as much, unless the look is of a camera that stands still."""
     tape = config.tape
     rise_m = tape.centre_height_m - config.camera.height_m
     believed = replace(config.camera, pitch_deg=pitch_for(distance_m, rise_m))
@@ -84,16 +78,16 @@ def shoot(config: Config, rng: np.random.Generator, distance_m: float, look: Loo
     facing_deg = float(rng.uniform(-35, 35))
     view = place(distance_m, rise_m, pitch_deg, facing_deg=facing_deg, bearing_deg=float(rng.uniform(-9, 9)),
                  roll_deg=float(rng.normal()), brightness=float(rng.uniform(0.6, 1.4)))
-    if look.shake_px and not look.readout_s:
+    if look.shake_px:
         look = _turned(look, believed, np.clip(rng.normal(size=2), -2, 2))
     lens = make_lens(believed)
     corners, _ = project(outline_m(make_tape(tape)), view.camera_from_target, lens)
-    camera = StagedCamera(Stage(NOTHING if absent else view), lens, make_tape(tape), 20.0, 0.0,
+    camera = StagedCamera(Stage(NOTHING if absent else view), lens, make_tape(tape),
                             int(rng.integers(1 << 31)), look=look)
     patches = {kind: kind(lens, corners, rng) for kind in kinds}
     camera.clutter(tuple(patch for some in patches.values() for patch in some))
     other = [patch.corners_px for patch in patches.get(second_goal, ())]
-    return Shot(camera.expose(0), believed, distance_m, facing_deg, None if absent else corners[:4],
+    return Shot(camera.expose(0), believed, distance_m, None if absent else corners[:4],
                 " + ".join(kind.__name__ for kind in kinds), np.concatenate(other) if other else None)
 
 
@@ -141,14 +135,11 @@ def baseline(shot: Shot, config: Config) -> float | None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=200, help="in each band of distance, for each look")
-    parser.add_argument("--clutter", type=int, default=10_000, help="frames with distractors")
-    parser.add_argument("--files", type=int, default=10_000, help="mutated image files")
-    parser.add_argument("--plot", help="picture of errors over distance to write")
-    args = parser.parse_args()
+    args = read_options(__doc__, frames=(200, "in each band of distance, for each look"),
+                        clutter=(10_000, "frames with distractors"), files=(10_000, "mutated image files"),
+                        plot=(str, "picture of errors over distance to write"))
     cv2.setNumThreads(1)
-    config = load_config(HOME / "launcher.toml")
+    config = load_config(SHIPPED)
     speed(config, min(100, 10 * args.frames))
     errors = sweep(config, args.frames)
     if args.plot and len(errors):
@@ -187,22 +178,20 @@ def sweep(config: Config, frames: int) -> np.ndarray:
     print(f"rendered, {frames} frames in each cell, up to 35 degrees off axis: rms error (found; spread of error / "
           "sigma)\n  " + " " * 16 + "".join(f"{f'{low}-{high} m':>22s}" for low, high in BANDS_M))
     progress, rows = make_progress("sweep"), []
-    looks = [*LOOKS.items(), (STATED, LOOKS[SHARP]), *WRITTEN.items(), *TURNING.items()]
-    for k, (name, look) in enumerate(looks):
-        vision = replace(config.vision, corner_sigma_px=STATED_PX) if name == STATED else config.vision
+    for k, (name, look) in enumerate(LOOKS.items()):
         cells = []
         for j, band in enumerate(BANDS_M):
             rng = np.random.default_rng([2, k, j])
             found = []
             for distance_m in rng.uniform(*band, frames):
                 shot = shoot(config, rng, float(distance_m), look)
-                seen = detect(shot.frame, shot.camera, config.tape, vision)
+                seen = detect(shot.frame, shot.camera, config.tape, config.vision)
                 if seen.found:
                     found.append((k, distance_m, seen.distance_m - distance_m, seen.sigma_m))
-            rows += found if name in LOOKS else []     # the same look again, and what was to be avoided, do not count
+            rows += found
             errors, sigma = np.array([row[2] for row in found]), np.array([row[3] for row in found])
             cells.append(f"{rms(errors):.3f} ({len(found) / frames:4.0%}; {rms(errors / sigma):.2f})")
-            progress((k * len(BANDS_M) + j + 1) / len(looks) / len(BANDS_M), name)
+            progress((k * len(BANDS_M) + j + 1) / len(LOOKS) / len(BANDS_M), name)
         print(f"  {name:16s}" + "".join(f"{cell:>22s}" for cell in cells))
     table = np.array(rows)
     near, far = table[table[:, 1] < 9], table[table[:, 1] >= 9]
@@ -215,16 +204,16 @@ def wary(config: Config, frames: int) -> None:
     """Distractors: a wrong target is one whose corners are not those of the true one; a second goal, which is no less
     a goal, is wrong where the true one is there and nothing stands before it."""
     rng, progress = np.random.default_rng(3), make_progress("clutter")
-    reasons: Counter[str] = Counter()
     right = wrong = there = other = 0
     ratios = []
     for k in range(frames):
         shot = clutter(config, rng)
+        progress((k + 1) / frames, "")
         there += shot.corners_px is not None
         seen = detect(shot.frame, shot.camera, config.tape, config.vision)
         if not seen.found:
-            reasons[seen.reason.code] += 1
-        elif is_target(shot, seen.corners_px):
+            continue
+        if is_target(shot, seen.corners_px):
             right += 1
             ratios.append((seen.distance_m - shot.distance_m) / seen.sigma_m)
         elif is_other(shot, seen.corners_px):
@@ -233,12 +222,9 @@ def wary(config: Config, frames: int) -> None:
             wrong += 1
             print(f"  wrong: frame {k} {shot.kind}: {seen.distance_m:.2f} m, truth {shot.distance_m:.2f}, "
                   f"{'there' if shot.corners_px is not None else 'absent'}")
-        progress((k + 1) / frames, "")
     print(f"{frames} frames with distractors, the target in {there} of them: {wrong} wrong targets accepted, "
           f"{right} right ones (rms of error / sigma {rms(ratios):.2f}, worst {np.abs(ratios).max(initial=0):.1f}), "
-          f"{other} other goals where the true one was absent or covered; refused:")
-    for reason, count in reasons.most_common():
-        print(f"  {count:6d}  {reason}")
+          f"{other} other goals where the true one was absent or covered")
 
 
 def is_target(shot: Shot, corners_px: tuple) -> bool:
@@ -260,44 +246,19 @@ def is_other(shot: Shot, corners_px: tuple) -> bool:
 
 def fuzz(config: Config, files: int) -> None:
     """Mutated image files: each is an image or a InputError, never anything else."""
-    rng = np.random.default_rng(4)
+    rng, random = np.random.default_rng(4), Random(4)
     image = shoot(config, rng, 4.0, LOOKS["usual"]).frame.image
     whole = [cv2.imencode(end, picture)[1].tobytes() for end in (".jpg", ".png", ".bmp", ".webp")
              for picture in (image, image[:, :, 1], cv2.resize(image, None, fx=0.1, fy=0.1))]
     whole += [cv2.imencode(".png", image.astype(np.uint16) * 256)[1].tobytes(), b""]
-    said: Counter[str] = Counter()
     stderr = os.dup(2)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)      # decoders grumble about each
     for _ in range(files):
-        data = mutate(whole[int(rng.integers(len(whole)))], rng)
-        try:
-            seen = detect(CameraFrame(0, decode_image(data)), config.camera, config.tape, config.vision)
-            said["an image: target found" if seen.found else "an image: no target"] += 1
-        except InputError as error:
-            said["refused: " + "".join(c for c in str(error) if not c.isdigit())] += 1
+        data = damage(random.choice(whole), "bytes", random)[1]
+        with suppress(InputError):
+            detect(CameraFrame(0, decode_image(data)), config.camera, config.tape, config.vision)
     os.dup2(stderr, 2)
-    print(f"{files} mutated image files, no crash:")
-    for word, count in said.most_common():
-        print(f"  {count:6d}  {word}")
-
-
-def mutate(data: bytes, rng: np.random.Generator) -> bytes:
-    """Bytes flipped (in the header as often as elsewhere), cut out, repeated, or the end lost."""
-    body = bytearray(data)
-    for _ in range(int(rng.integers(1, 12))):
-        if not body:
-            break
-        at = int(rng.integers(min(len(body), 60) if rng.random() < 0.5 else len(body)))
-        match int(rng.integers(6)):
-            case 0 | 1 | 2:
-                body[at] = int(rng.integers(256))
-            case 3:
-                del body[at:at + int(rng.integers(1, 200))]
-            case 4:
-                body[at:at] = body[at:at + int(rng.integers(1, 200))]
-            case 5 if rng.random() < 0.3:
-                del body[at:]
-    return bytes(body)
+    print(f"{files} mutated image files, no crash")
 
 
 def plot(table: np.ndarray, path: str) -> None:

@@ -6,13 +6,13 @@ The pictures are those of tests/robot/tag_scene.py (1280 x 800 pixels, blur 0.6 
 every number of the family would count.
 """
 
-import argparse
 import time
 from itertools import pairwise
 
 import numpy as np
 from msgspec.structs import replace
 
+from benchmarks.options import read_options
 from tests.robot.test_vision_tag import CONFIG, TAG, distractor, looking, seen
 from truearc.robot.vision import find_target
 
@@ -20,11 +20,7 @@ BANDS_M = (1.0, 2.0, 3.5, 5.0, 6.5, 8.0)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=400)
-    parser.add_argument("--distractors", type=int, default=10_000)
-    parser.add_argument("--seed", type=int, default=1)
-    args = parser.parse_args()
+    args = read_options(__doc__, frames=400, distractors=10_000, seed=1)
     rng = np.random.default_rng(args.seed)
     rows, spent_s = [], 0.0
     for distance_m in rng.uniform(BANDS_M[0], BANDS_M[-1], args.frames).tolist():
@@ -46,8 +42,8 @@ def main() -> None:
                   f"{np.sqrt(np.mean((off / true[there])**2)):.2%} | {np.abs(off / true[there]).max():.2%} | "
                   f"{np.mean(np.abs(off) <= sigma[there]):.2f} |")
     every = replace(CONFIG, apriltag=replace(TAG, ids=tuple(range(587))))
-    wrong = sum(find_target(distractor(rng), every).found for _ in range(args.distractors))
-    print(f"\nwrong tags in {args.distractors} pictures of distractors: {wrong}")
+    print(f"\nwrong tags in {args.distractors} pictures of distractors: "
+          f"{sum(find_target(distractor(rng), every).found for _ in range(args.distractors))}")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ Clean and dirty nulls, one hidden effect each, effects of no catalogue.
 """
 
 import argparse
-import math
 import sys
 import zlib
 from collections.abc import Callable, Mapping, Sequence
@@ -13,10 +12,11 @@ from typing import Any, TypeVar
 
 from msgspec import Struct
 
+from benchmarks.options import add_options
 from truearc.cli.common import make_progress
 from truearc.errors import InputError
 from truearc_proof.parallel import fill, lines_of
-from truearc_proof.rounds.marks import Mark, Measured, in_catalogue, mark
+from truearc_proof.rounds.marks import Mark, Measured, mark
 from truearc_proof.rounds.worlds import DIRTS, NUMPY, Drawn, names_at
 from truearc_proof.truth.world import World, find_effect, make_world
 
@@ -71,46 +71,31 @@ def plan_jobs(kinds: Sequence[str], levels: Sequence[str], shots: Sequence[int],
 
 
 def amount_of(job: Job) -> float:
-    """Amplitude of the hidden effect, its sign by the seed where nature leaves it open; 0 for nulls."""
-    if job.kind == "nulls":
-        return 0.0
+    """Amplitude of the hidden effect, its sign by the seed where nature leaves it open."""
     effect = find_effect(job.name)
     return effect.typical * job.scale * (-1.0 if effect.signed and job.index % 2 else 1.0)
 
 
 def world_of(job: Job) -> World:
     """The world itself."""
-    dirt = DIRTS[job.name] if job.kind == "nulls" else ()
-    effects = {job.name: amount_of(job)} if job.kind in ("effects", "off") else {}
+    effects, dirt = ({}, DIRTS[job.name]) if job.kind == "nulls" else ({job.name: amount_of(job)}, ())
     return make_world(effects, job.level, job.shots, job.seed, dirt)
-
-
-def drawn_of(job: Job) -> Drawn:
-    """The world as a round of proof would state it."""
-    kind = "clean" if job.name == "clean" else KINDS[job.kind]
-    world = world_of(job)
-    return Drawn(job.key, NUMPY, kind, job.level, job.shots, job.seed, dict(world.effects), tuple(world.dirt))
-
-
-def true_parameter(job: Job) -> tuple[str, float] | None:
-    """(parameter, value) of the true term in the catalogue's units; None where nothing of the catalogue is hidden."""
-    return next((in_catalogue(name, amount) for name, amount in drawn_of(job).effects.items()
-                 if not math.isclose(amount, 0.0)), None)
 
 
 def mark_job(job: Job, finding: dict[str, Any]) -> Mark:
     """Marks of one finding, by the proof's own rules; `strength` of what is in no catalogue is in it."""
-    return mark(drawn_of(job), finding, Measured(strength=finding.get("strength")))
+    kind, world = "clean" if job.name == "clean" else KINDS[job.kind], world_of(job)
+    drawn = Drawn(job.key, NUMPY, kind, job.level, job.shots, job.seed, dict(world.effects), tuple(world.dirt))
+    return mark(drawn, finding, Measured(strength=finding.get("strength")))
 
 
-def parser_of(text: str | None) -> argparse.ArgumentParser:
-    """A parser with where lines are kept and how many worlds run at a time; the benchmark adds its own arguments."""
+def read_args(text: str | None, **options: Any) -> argparse.Namespace:
+    """Where lines are kept, how many worlds run at a time, and the benchmark's own options."""
     parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--processes", type=int, help="at a time (one a core)")
     place = parser.add_mutually_exclusive_group(required=True)
     place.add_argument("--out", type=Path, metavar="FILE", help="a line a world; what is there is not run again")
     place.add_argument("--table", type=Path, metavar="FILE", help="print what is there (packed or not), run nothing")
-    return parser
+    return add_options(parser, processes=(int, "at a time (one a core)"), **options).parse_args()
 
 
 def fill_and_tell(args: argparse.Namespace, plan: Callable[[], Mapping[str, One]], run: Callable[[One], Line],

@@ -3,9 +3,19 @@
     truearc discover drops/ --terms-from examples/linear_drag.py --believe gravity,linear_drag
 """
 
-from truearc.sim.physics.term import BallState, FlightTerm, Forces, Instrument, Rig, Values, Vec, amplitude, either_way
+from truearc.sim.physics.term import (
+    BallState,
+    FlightTerm,
+    Forces,
+    Instrument,
+    Rig,
+    Values,
+    Vec,
+    amplitude,
+    either_way,
+    scale,
+)
 from truearc.sim.physics.terms.flight import drag_per_m
-from truearc.sim.physics.vector import scale
 
 
 class LinearDrag(FlightTerm):

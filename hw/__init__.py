@@ -1,1 +1,1 @@
-"""Wires: protocols, frames, devices and clocks, real or emulated. Nothing here knows of a launcher."""
+"""Hardware interfaces: protocols, frames, devices and clocks, real or emulated. Nothing here depends on a launcher."""

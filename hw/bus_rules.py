@@ -1,8 +1,8 @@
-"""Rules of a CAN bus: frames that may be sent, how often, and whose the received ones are.
+"""The rules of a CAN bus: the frames that may be sent, their rates, and the owners of received frames.
 
-`AllowedBus` refuses whatever is not on the allow list. It knows nothing of the sender, so a controller gone wild cannot
-get past it. `MonitoredBus` counts unknown frames, and reports a second host and two devices with one id. `Rules` are
-the contribution of one device to both.
+`AllowedBus` refuses every frame that is not on the allow list. It is independent of the sender, so a faulty controller
+cannot get past it. `MonitoredBus` counts unknown frames, and reports a second host and two devices with the same id.
+`Rules` are the contribution of one device to both.
 """
 
 from collections import Counter, deque

@@ -1,7 +1,7 @@
-"""Names and physical values <-> frame bytes, by the DBC files in `hw/dbc`. The only user of cantools.
+"""Converts between physical values and frame bytes, as defined by the DBC files in `hw/dbc`. The only user of cantools.
 
-A message made of whole little-endian bytes without scaling, as most here are, is packed by the `struct` format that
-its DBC signals amount to: three times faster, and tested to give what cantools gives.
+Most messages here consist of whole little-endian bytes without scaling. They are packed with the equivalent `struct`
+format, which is three times faster than cantools and tested to give the same bytes.
 """
 
 import functools

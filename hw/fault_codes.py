@@ -1,4 +1,4 @@
-"""What can be wrong with wires and devices, as codes. Fields and units: truearc.hw.reason.Code."""
+"""Codes for faults of wires and devices. Fields and units: truearc.hw.reason.Code."""
 
 from truearc.hw.reason import Code, index
 

@@ -1,7 +1,7 @@
-"""Reasons for a HOLD, a fault or a refusal: a code with parameters. Text is made from them at the edges only.
+"""Reasons for a HOLD, fault or refusal, each a code with parameters. Only the outermost layers turn them into text.
 
-A Code declares what one kind of reason carries and how a log words it; calling it makes a Reason. Codes of the wires
-and devices are in `truearc.hw.fault_codes`, the robot's in `truearc.robot.reasons`. A Message words it for the driver.
+A Code declares the parameters and log text of one kind of reason; calling it makes a Reason. Codes of wires and devices
+are in `truearc.hw.fault_codes`, the robot's in `truearc.robot.reasons`. A Message is the text for the driver.
 """
 
 import sys

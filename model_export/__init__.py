@@ -1,4 +1,4 @@
-"""Trained weights to ONNX; how far an exported graph may differ from its trainer, in probability."""
+"""Export of trained weights to ONNX, and the permitted difference in probability between graph and trainer."""
 
 # Sums of eight float32 products behind two sigmoids; a network trained a hundred times longer than the default, with
 # weights of 50, differs by 6e-6. More than this is another network, not another rounding.

@@ -1,4 +1,4 @@
-"""Weights of any kind to a stamped ONNX file, float32: the pieces of a graph, and the graph."""
+"""Conversion of weights of any kind to a stamped float32 ONNX graph."""
 
 import json
 import sys
@@ -17,7 +17,7 @@ from truearc.model_export import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 from truearc.robot import gate as contract
 from truearc.robot.gate import INPUT, KEY_SEAL, NOVELTY, OUTPUT, UNSEALED, load_gate, seal
 from truearc.sim.gate import model as gates
-from truearc.sim.gate.surrogate import Domain, Surrogate, as_cosines, make_surrogate
+from truearc.sim.gate.train import Domain, Surrogate, as_cosines, make_surrogate
 from truearc.sim.paper.network import RECORD_FILE, Network, load_weights, probabilities, weights_hash
 
 EDGES = 4                             # of the target: above and below, of two and of three
@@ -162,7 +162,8 @@ def make_model(parts: Sequence[Part], domain: dict[str, list[float]], novelty: d
         [helper.make_tensor_value_info(contract.INPUT, TensorProto.FLOAT, ["n", len(contract.FEATURES)])],
         [helper.make_tensor_value_info(contract.OUTPUT, TensorProto.FLOAT, ["n", len(contract.OUTPUTS)]),
          helper.make_tensor_value_info(contract.NOVELTY, TensorProto.FLOAT, ["n", 1])],
-        [numpy_helper.from_array(_as_exported(array), name) for name, array in constants.items()])
+        [numpy_helper.from_array(np.asarray(array, np.int64 if array.dtype.kind == "i" else np.float32), name)
+         for name, array in constants.items()])
     model = helper.make_model(graph, producer_name="truearc", producer_version=version("truearc"),
                               opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION)
     helper.set_model_props(model, {
@@ -174,11 +175,11 @@ def make_model(parts: Sequence[Part], domain: dict[str, list[float]], novelty: d
 
 
 def export_weights(directory: str | Path, path: str | Path) -> bytes:
-    """Write the ONNX file of a weights directory and return its bytes; InputError when the directory is unusable.
+    """Write the ONNX file of a weights directory and return its bytes; InputError if the directory is unusable.
 
-    The provenance is the training record without its loss curve, plus the SHA-256 of the directory. InputError too when
-    the graph cannot say what the trained model says (see truearc.model_export.graph). A domain that was narrowed for
-    that, and the recorded shots outside it, are warned of on stderr.
+    The provenance is the training record without its loss curve, plus the SHA-256 of the directory. InputError also if
+    the graph cannot reproduce the trained model (see truearc.model_export.graph). A warning on stderr reports a domain
+    narrowed for that purpose and the recorded shots outside it.
     """
     trained = load_trained(directory)
     provenance = {key: value for key, value in trained.record.items() if key not in APART}
@@ -206,10 +207,6 @@ def say_narrowed(trained: Trained, domain: dict[str, list[float]]) -> str:
     return (f"the domain is narrowed to {edges}: beyond it no graph follows the physics closely; the robot holds "
             f"there. {len(outside)} of {len(recorded)} recorded shots lie outside"
             + (f": {'; '.join(outside[:NAMED])}" if outside else "") + ("; ..." if len(outside) > NAMED else ""))
-
-
-def _as_exported(array: np.ndarray) -> np.ndarray:
-    return np.asarray(array, np.int64 if array.dtype.kind == "i" else np.float32)
 
 
 def _canonical(value: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""An exported gate against the trainer that made it, and against itself; its probabilities for shots of a dataset."""
+"""Verification of an exported gate against its trainer and against itself; its probabilities for shots of a dataset."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -134,12 +134,12 @@ class Verification(Printed):
 
 def verify_gate(path: str | Path, weights: str | Path | None = None,
                 data: Mapping[str, Dataset] | None = None) -> Verification:
-    """Check an exported gate: its contract, that it repeats itself, and that it agrees with its trainer.
+    """Check an exported gate: its contract, its repeatability, and its agreement with its trainer.
 
     Args:
         path: The ONNX file.
-        weights: The directory it was exported from; None: it is not compared with its trainer.
-        data: {name: dataset} whose shots are rated, too, besides a grid over the domain.
+        weights: The directory that it was exported from; None: no comparison with the trainer.
+        data: {name: dataset} whose shots are rated in addition to a grid over the domain.
 
     Raises:
         InputError: the file is not a gate, or a directory or dataset is unusable.

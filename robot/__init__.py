@@ -1,1 +1,1 @@
-"""The robot: one tick, its rigs, its gate and its recording."""
+"""The robot's side: the control tick, its rigs, its gate and its recording."""

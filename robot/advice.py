@@ -1,17 +1,17 @@
-"""One tick of advice about a launcher that others drive. Pure, like truearc.robot.tick, so a replay is exact.
+"""One tick of advice about a launcher that another program drives. Pure, like truearc.robot.tick, so a replay is exact.
 
-The verdict is the same code's (truearc.robot.verdict), less the interlocks of motors that are not ours. FIRE
-means: every key is fresh and plausible, the wheels are steady, the aim file, where there is one, has a set point for
-this distance, and the model agrees with the launcher as it stands, at the set point or not.
+The verdict comes from truearc.robot.verdict, without the interlocks of motors that truearc does not drive. FIRE means
+that every key is fresh and plausible, the wheels are steady, the aim file (if any) has a set point for this distance,
+and the model agrees with the present state of the launcher, whether or not that is the set point.
 """
 
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from truearc.hw.protocols import NS
 from truearc.hw.reason import Reason
+from truearc.robot import aim as aiming
 from truearc.robot import reasons as because
-from truearc.robot.aim import NOWHERE, as_at_rest, is_moving, operate, speed_m_s
-from truearc.robot.aim import aim as aim_at
 from truearc.robot.aim_file import NO_AIMS, Aims
 from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
@@ -20,8 +20,7 @@ from truearc.robot.gate import Gate
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Shot, Tick, Verdict, Watched
 from truearc.robot.verdict import judge_model, judge_motion, judge_target, no_aim
 
-NS = 1e-9
-POLICY = "advice"                     # what the session's header says
+ADVICE = "advice"                     # what the session's header says
 WHEELS, HOOD, DISTANCE, BATTERY = "wheel speed", "hood angle", "distance", "battery"
 BATTERY_AGE = 10.0                    # times as long as others it may stand still: it is read in steps
 CALM_S = 0.5                          # after a jump nothing is believed for so long
@@ -32,18 +31,18 @@ DISTANCE_STEP_M, DISTANCE_RATE_M_S = 0.5, 8.0
 BATTERY_STEP_V, BATTERY_RATE_V_S = 4.0, 20.0
 
 
-def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims: Aims = NO_AIMS) -> Tick:
+def advise_step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims: Aims = NO_AIMS) -> Tick:
     """Judge one tick's keys; aims: the aim files by which set points are proposed."""
-    memory, outcomes = operate(inputs, memory, config)
+    memory, outcomes = aiming.operate(inputs, memory, config)
     memory = remember(inputs, memory, config)
     belief = estimate(inputs, memory, config)
     watched = _watch(inputs, belief, memory, config)
     memory = replace(memory, watched=watched)
     # without an aim file there is nothing to propose: the set points are where the launcher is
-    aim = (aim_at(belief, replace(memory, armed=True), config, aims) if aims
-           else Aim(max(belief.motor_ratio, 0.0), belief.hood_deg or 0.0, POLICY))
-    p_two, p_three, doubts = judge_model(as_at_rest(belief, aim), config.gate, gate)
-    nowhere = [no_aim(belief, aim)] if aim.source in NOWHERE else []
+    aim = (aiming.aim(belief, replace(memory, armed=True), config, aims) if aims
+           else Aim(max(belief.motor_ratio, 0.0), belief.hood_deg or 0.0, ADVICE))
+    p_two, p_three, doubts = judge_model(aiming.as_at_rest(belief, aim), config.gate, gate)
+    nowhere = [no_aim(belief, aim)] if aim.source in aiming.NOWHERE else []
     reasons = (*inputs.faults, *_stale(inputs, config), *_jumped(inputs, watched), *_settled(inputs, watched, config),
                *nowhere, *judge_target(inputs, belief, config), *judge_motion(belief, aim, config), *doubts)
     verdict = Verdict(not reasons, reasons, p_two, p_three)
@@ -113,4 +112,4 @@ def _shot(inputs: Inputs, belief: Estimate, verdict: Verdict, memory: Memory) ->
     return Shot(trial, inputs.t_ns, f"c{trial:04d}", belief.distance_m, belief.distance_sigma_m, belief.hood_deg,
                 belief.motor_ratio, belief.motor_rad_s, belief.battery_v,
                 None if before is None else (inputs.t_ns - before.t_ns) * NS, verdict.p_two, verdict.p_three,
-                speed_m_s(belief) if is_moving(belief) else UNSET)
+                aiming.speed_m_s(belief) if aiming.is_moving(belief) else UNSET)

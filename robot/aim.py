@@ -1,10 +1,10 @@
-"""A trial: where the launcher should be for it, by a deliberately spread plan, and what the driver's buttons change.
+"""The aim of a trial: set points from a deliberately spread plan, and the effect of the driver's buttons.
 
-The plan is a low-discrepancy sequence, so a replay needs no random state. Speeds come from vacuum ballistics divided
-by an efficiency that the driver's high and low marks correct (a Robbins-Monro walk on log speed: a level, and slopes in
-distance and elevation): what a crew does by hand when it walks shots in. Where shots are prescribed, they are it.
+The plan is a low-discrepancy sequence, so a replay needs no random state. Speeds come from vacuum ballistics divided by
+an efficiency, which the driver's high and low marks correct, as a crew does by hand when it walks shots in (a
+Robbins-Monro walk on log speed: a level, and slopes in distance and elevation). Prescribed shots replace the plan.
 
-With `aim.policy = "belief"` the set points are those of the aim file, and the driver's marks correct the level only.
+With `aim.policy = "belief"` the set points come from the aim file, and the driver's marks correct only the level.
 Buttons arm, request a shot and mark its outcome.
 """
 

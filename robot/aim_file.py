@@ -1,12 +1,15 @@
-"""The aim file: set points by distance, by which the robot aims where `aim.policy` is "belief".
+"""Set points from files: the aim file, used if `aim.policy` is "belief", and the table of prescribed shots.
 
-`truearc aim --robot` makes it. The file carries its own hash (truearc.robot.gate), that of the contract below,
-and the rig that it is for; one that is damaged, of another contract or for another rig is refused. Between two of its
-distances each number is the cubic whose value and slope are stated at both (Hermite). All in Python's floats, so that a
-replay gives the same bits.
+`truearc aim --robot` writes the aim file. It contains its own hash (truearc.robot.gate), the hash of the contract
+below, and its rig; a file that is damaged, has another contract or is for another rig is refused. Between two of its
+distances each number follows the cubic Hermite polynomial of the values and slopes at both. The arithmetic uses Python
+floats, so that a replay gives the same bits. The table (`truearc run --plan`) lists configurations to shoot exactly as
+given, in place of the robot's own plan.
 """
 
+import csv
 import hashlib
+import io
 import math
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
@@ -16,10 +19,11 @@ from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
+from msgspec.structs import replace
 
-from truearc.errors import MAX_TEXT_BYTES, InputError, load_bytes, naming
+from truearc.errors import MAX_TEXT_BYTES, InputError, load_bytes, naming, number_in
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target
-from truearc.robot.config.schema import Config
+from truearc.robot.config.schema import Config, Prescribed
 
 SCHEMA = "truearc.aim/1"
 CONTRACT = {"in": "distance_m: ball exit to target plane, horizontal",
@@ -256,3 +260,59 @@ def _impossible(segment: Segment, name: str) -> Iterator[tuple[str, str]]:
                 yield name, (f"at {distance_m:.2f} m: hood {point.hood_deg:g} deg, motor {point.motor_ratio:g} of free "
                              f"speed, lead {point.lead_deg:g} deg: no launcher can do that")
                 return
+
+
+# --- a table of prescribed shots
+
+COLUMNS = ("distance_m", "motor_ratio", "hood_deg")
+SHOWN = 5                             # bad rows that a message names before it only counts
+
+
+def load_plan(path: str | Path, config: Config) -> tuple[Prescribed, ...]:
+    """Rows of a CSV file, or of shots.csv in a dataset directory; other columns are not looked at.
+
+    InputError names file, line and column of every row that this launcher cannot be set to: ratio in (0, 1], elevation
+    within the hood's limits, distance above 0.
+    """
+    file = Path(path) / "shots.csv" if Path(path).is_dir() else Path(path)
+    plan, bad = [], []
+    for line, row in _rows(file):
+        plan.append({name: number_in(cell) for name, cell in row.items()})
+        bad += [f"{file}:{line}: {what}" for what in _row_errors(row, plan[-1], config)]
+    if bad:
+        more = [f"... and {len(bad) - SHOWN} more"] if len(bad) > SHOWN else []
+        raise InputError("\n".join([*bad[:SHOWN], *more]))
+    if not plan:
+        raise InputError(f"{file}: no rows: there is nothing to shoot")
+    return tuple(Prescribed(**values) for values in plan)
+
+
+def with_plan(config: Config, plan: tuple[Prescribed, ...], repeats: int | None = None) -> Config:
+    """The configuration with these shots prescribed, each `repeats` times (None: as often as [collect] says)."""
+    repeats = config.collect.repeats if repeats is None else repeats
+    if repeats < 1:
+        raise InputError(f"--repeats {repeats}: at least 1")
+    return replace(config, collect=replace(config.collect, prescribed=plan, repeats=repeats))
+
+
+def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
+    """(line, cells by column) of each row; InputError when it is no such table."""
+    with naming(file):
+        text = load_bytes(file, MAX_TEXT_BYTES).decode("utf-8-sig")
+        reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
+        header = reader.fieldnames or []
+        if missing := [name for name in COLUMNS if name not in header]:
+            raise InputError(f"{file}:1: columns {', '.join(missing)} are missing; a plan has them by these names, "
+                             "with commas between cells, and no other unit is converted")
+        return [(reader.line_num, {name: row[name] or "" for name in COLUMNS}) for row in reader]
+
+
+def _row_errors(row: dict[str, str], values: dict[str, float], config: Config) -> Iterator[str]:
+    limits = {"distance_m": (0.0, 1e3), "motor_ratio": (0.0, 1.0),
+              "hood_deg": (config.hood.low_deg, config.hood.high_deg)}
+    for name, value in values.items():
+        low, high = limits[name]
+        if math.isnan(value):
+            yield f"{name}: {row[name]!r} is not a number"
+        elif not low <= value <= high or (value == 0.0 and name != "hood_deg"):
+            yield f"{name}: {value:g} is out of the launcher's range ({low:g} to {high:g})"

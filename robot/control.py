@@ -1,6 +1,6 @@
-"""Aim and Verdict to Command: the flywheel and hood loops, homing, and the feeder's one ball a request.
+"""Turns Aim and Verdict into a Command: flywheel and hood loops, homing, and one ball per feed request.
 
-An axis that truearc.robot.motion has released is not enabled; one that is not under control yet gets no torque.
+An axis that truearc.robot.motion has released is not enabled; an axis that is not yet under control gets no torque.
 """
 
 import math

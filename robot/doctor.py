@@ -1,7 +1,7 @@
-"""The doctor: is this robot fit to run? Each check is given what it needs, changes nothing, and yields one line.
+"""The doctor's checks of whether the robot is fit to run. Each changes nothing and yields one line.
 
-It examines the button box, the camera, the computer, the CAN adapter, every device on the bus, the gate's model and the
-aim file. `set_stored` alone writes to devices: watchdogs and limits that the axes keep, after a yes.
+They cover the button box, the camera, the computer, the CAN adapter, every device on the bus, the gate's model and the
+aim file. Only `set_stored` writes to devices: after confirmation it sets watchdogs and limits that the axes store.
 """
 
 import contextlib
@@ -17,21 +17,18 @@ from msgspec.structs import replace
 from truearc.errors import InputError, about, load_text
 from truearc.hw import protocols
 from truearc.hw.bus_rules import SHARE
-from truearc.hw.devices import family
-from truearc.hw.devices.button_box import parse_lines
+from truearc.hw.devices import button_box, family
 from truearc.hw.devices.family import WARNING, Endpoints, Finding, Heard, StoredSettings, failure, listen, ok, warning
 from truearc.hw.devices.odrive.family import parse_endpoints
 from truearc.hw.devices.registry import family_of
 from truearc.hw.devices.spark.frames import is_controller_heartbeat, locked_spark
 from truearc.hw.protocols import NS_PER_S, BadFrame, Bus, Camera, CameraFrame, Clock, Frame, LinkLost, Motor, Stream
 from truearc.hw.real.system import CanLink, Exposure
-from truearc.robot import motors
-from truearc.robot.aim_file import load_aim_for, needs_aim
+from truearc.robot import aim_file, motors, reasons
+from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import CameraConfig, Can, Config, GateConfig
 from truearc.robot.gate import FEATURES, load_gate
-from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import around_encoder, bound_axes, elevation_from_encoder_deg, make_motors, name_axes
-from truearc.robot.reasons import text
 
 # --- box, camera and computer
 
@@ -54,14 +51,14 @@ def check_box(box: Stream, clock: Clock) -> Finding:
     while clock.now_ns() - began_ns < BOX_S * NS_PER_S:
         clock.sleep_until_ns(clock.now_ns() + LOOK_NS)
         try:
-            events, pending, faults = parse_lines(pending, box.read(), clock.now_ns())
+            events, pending, faults = button_box.parse_lines(pending, box.read(), clock.now_ns())
         except LinkLost as error:
             return failure(check, str(error), "look at its plug")
         if events:
             return ok(check, "it says that it is there")
         wrong = faults[0] if faults else wrong
     if wrong is not None:
-        return failure(check, f"its lines cannot be read ({text(wrong)})",
+        return failure(check, f"its lines cannot be read ({reasons.text(wrong)})",
                        "compare its program with docs/how-to/button-box.md")
     return failure(check, f"silent for {BOX_S:g} s", "look at its power and at [buttons] port and baud")
 
@@ -381,14 +378,14 @@ def check_model(gate: GateConfig, path: Path | None) -> Finding:
 def check_aim(config: Config, path: Path | None) -> Iterator[Finding]:
     """Whether the aim file that the policy asks for is there, whole, and for this launcher; nothing without one."""
     check = "aim file"
-    if not needs_aim(config):
+    if not aim_file.needs_aim(config):
         if path is not None:
             yield failure(check, f"aim.policy is {config.aim.policy!r}", "leave --aim out, or set it to 'belief'")
     elif path is None:
         yield failure(check, "aim.policy is 'belief' and no aim file was given", "give --aim, as to `truearc run`")
     else:
         try:
-            aim = load_aim_for(path, config)
+            aim = aim_file.load_aim_for(path, config)
         except InputError as error:
             yield failure(check, str(error), "make it again with `truearc aim --robot` and this launcher.toml")
             return

@@ -1,10 +1,10 @@
-"""The doctor's small motion: what is driven, one tick of it, and what it has shown. No I/O.
+"""The doctor's small test motion: its program, one tick of it, and the findings from it. No I/O.
 
-Wheels and hood are first nudged, ever harder, so that one whose sensors are dead hardly moves; one that does not answer
-is not driven further. Then the wheels turn up to a few percent of their free speed, and the hood creeps a few degrees
-up, down to its limit switch, off it and back on it. System identification's tick drives; what it does not know is
-watched here. Any doubt ends it, with every motor released. Direction, scale, lag and limit switch follow from the ticks
-of the motion.
+Wheels and hood are first nudged with increasing torque, so that an axis with dead sensors hardly moves; an axis that
+does not respond is not driven further. Then the wheels turn at up to a few percent of their free speed, and the hood
+creeps a few degrees up, down to its limit switch, off it and back onto it. The motion is driven by the tick of system
+identification; this module adds the checks that it lacks. Any doubt ends the motion and releases every motor.
+Direction, scale, lag and limit switch are evaluated from the ticks of the motion.
 """
 
 import math
@@ -21,20 +21,11 @@ from truearc.hw.devices.family import FAILURE, AxisCheck, Finding, Heard, failur
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import NS, ButtonEvent, CameraFrame, MotorReading
 from truearc.hw.reason import Reason
-from truearc.robot import sysid
+from truearc.robot import control, estimate, sysid
+from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
-from truearc.robot.control import RELEASED
-from truearc.robot.estimate import is_fresh
 from truearc.robot.gate import Gate
 from truearc.robot.motors import elevation_from_encoder_deg, elevation_from_screw_deg, name_axes, screw_rad
-from truearc.robot.reasons import (
-    BOX_GONE,
-    FRAMES_NOT_SENT,
-    HOOD_ENCODERS_DISAGREE,
-    IDENTIFY_DONE,
-    IDENTIFY_RELEASED,
-    text,
-)
 from truearc.robot.sysid import CREEP, FLYWHEEL, HOOD, PAUSE, STILL, Phase
 from truearc.robot.types import Inputs, Memory, Progress, Sent, Tick, Verdict
 
@@ -138,12 +129,12 @@ class SmallMotion:
         assert isinstance(progress, Progress)
         doubt = self._doubt(inputs, progress) if begun and progress.over is None else None
         if doubt is not None:
-            over = replace(progress, over=IDENTIFY_RELEASED(button="doctor"))
-            tick = replace(tick, command=RELEASED, verdict=Verdict(False, (IDENTIFY_RELEASED(button="doctor"),)),
-                           memory=replace(tick.memory, armed=False, identify=over))
+            why = because.IDENTIFY_RELEASED(button="doctor")
+            tick = replace(tick, command=control.RELEASED, verdict=Verdict(False, (why,)),
+                           memory=replace(tick.memory, armed=False, identify=replace(progress, over=why)))
             self.over = doubt
         elif progress.over is not None:
-            self.over = self.over or ("" if progress.over.code == IDENTIFY_DONE.name else _words(progress.over))
+            self.over = self.over or ("" if progress.over.code == because.IDENTIFY_DONE.name else _words(progress.over))
         if self.over is not None:
             self._over_ns = self._over_ns or inputs.t_ns
             self.is_finished = (inputs.t_ns - self._over_ns) * NS > COAST_S
@@ -151,10 +142,10 @@ class SmallMotion:
 
     def _counted(self, inputs: Inputs) -> tuple[Reason, ...]:
         """The faults, without those of a box that is not there, and frames unsent once: motors are told again soon."""
-        ignored = set[str]() if self._has_box else set(BOX_GONE)
-        if any(fault.code == FRAMES_NOT_SENT.name for fault in inputs.faults):
+        ignored = set[str]() if self._has_box else set(because.BOX_GONE)
+        if any(fault.code == because.FRAMES_NOT_SENT.name for fault in inputs.faults):
             if inputs.t_ns - self._unsent_ns > UNSENT_NS:
-                ignored.add(FRAMES_NOT_SENT.name)
+                ignored.add(because.FRAMES_NOT_SENT.name)
             self._unsent_ns = inputs.t_ns
         return tuple(fault for fault in inputs.faults if fault.code not in ignored)
 
@@ -191,7 +182,7 @@ class SmallMotion:
 
     def _creep_doubt(self, inputs: Inputs, phase: Phase, turned_deg: float) -> str | None:
         hood, at_deg = inputs.hood_motor, hood_angle_deg(inputs, self._config)
-        closed = is_fresh(inputs, hood.endstop_t_ns, self._config) and hood.endstop
+        closed = estimate.is_fresh(inputs, hood.endstop_t_ns, self._config) and hood.endstop
         if phase.sign > 0 and closed and turned_deg > sysid.CREEP_UP_DEG - 1.0:
             return f"the limit switch stays closed {turned_deg:.1f} deg above it"
         asked_nm = phase.asked_nm((inputs.t_ns - self._start.t_ns) * NS)
@@ -222,8 +213,9 @@ def hood_angle_deg(inputs: Inputs, config: Config) -> float | None:
 
 def _words(over: Reason) -> str:
     """Why system identification's tick has released the motors, and of two hood encoders what to look for."""
-    causes, words = over.params.get("causes"), text(over).removeprefix("identify: ")
-    if isinstance(causes, tuple) and HOOD_ENCODERS_DISAGREE.name in (getattr(cause, "code", "") for cause in causes):
+    causes, words = over.params.get("causes"), because.text(over).removeprefix("identify: ")
+    if isinstance(causes, tuple) and any(getattr(cause, "code", "") == because.HOOD_ENCODERS_DISAGREE.name
+                                         for cause in causes):
         return f"{words}: is one of them stuck, scaled, late or the wrong way round?"
     return words
 

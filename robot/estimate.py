@@ -1,4 +1,4 @@
-"""Inputs to Estimate: what the launcher is doing now; and doubts about missing, stale or faulty readings, by axis."""
+"""The estimate of the launcher's present state from Inputs, with the missing, stale or faulty readings of each axis."""
 
 import math
 
@@ -9,18 +9,11 @@ from truearc.hw.devices.family import Axis
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import NS, AngleReading, MotorReading
 from truearc.hw.reason import Reason
+from truearc.robot import motors
 from truearc.robot import reasons as because
 from truearc.robot.aim_file import needs_aim
+from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import Config, GateConfig
-from truearc.robot.hood_encoders import encoder_family_of
-from truearc.robot.motors import (
-    FEEDER_MOTOR,
-    HOOD_MOTOR,
-    elevation_from_encoder_deg,
-    elevation_from_screw_deg,
-    exit_distance_m,
-    name_wheel,
-)
 from truearc.robot.types import Count, Estimate, Inputs, Memory, Sighting, Track
 
 MEMORY_S = 0.15                       # time constant of the filter of distances
@@ -83,7 +76,7 @@ def _followed(track: Track | UnsetType, seen: Sighting, config: Config) -> Track
     to Sequential Smoothing and Prediction, 1969), whose error at a constant speed is 0."""
     if seen.distance_m is None:
         return track
-    distance_m = exit_distance_m(seen.distance_m, config.camera)
+    distance_m = motors.exit_distance_m(seen.distance_m, config.camera)
     if track is UNSET or not 0.0 < (seen.t_ns - track.t_ns) * NS <= LONGEST_GAP_S:
         return Track(seen.t_ns, distance_m, 0.0)
     gap_s = (seen.t_ns - track.t_ns) * NS
@@ -101,7 +94,7 @@ def _screw_differs(inputs: Inputs, memory: Memory, config: Config) -> bool:
     angle, motor = inputs.hood_angle, inputs.hood_motor
     if angle is None or not (is_fresh(inputs, angle.t_ns, config) and is_fresh(inputs, motor.t_ns, config)):
         return False
-    screw_deg = elevation_from_screw_deg(motor.position_rad - memory.screw_zero_rad, config.hood)
+    screw_deg = motors.elevation_from_screw_deg(motor.position_rad - memory.screw_zero_rad, config.hood)
     encoder_deg = _encoder_deg(inputs, memory, config)
     return angle.magnet_ok and not (screw_deg is not None and encoder_deg is not None
                                     and abs(encoder_deg - screw_deg) <= config.hood.crosscheck_deg)
@@ -114,7 +107,7 @@ def _encoder_deg(inputs: Inputs, memory: Memory, config: Config) -> float | None
         zero_deg = None if memory.zero_deg is UNSET else memory.zero_deg
     if angle is None or zero_deg is None:
         return None
-    return elevation_from_encoder_deg(angle.angle_rad, config.hood_encoder, zero_deg)
+    return motors.elevation_from_encoder_deg(angle.angle_rad, config.hood_encoder, zero_deg)
 
 
 def is_fresh(inputs: Inputs, t_ns: int, config: Config) -> bool:
@@ -134,8 +127,8 @@ def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
     sighting = memory.last_sighting
     distance = None
     if sighting is not None and sighting.distance_m is not None:
-        distance = exit_distance_m(sighting.distance_m, config.camera)
-    screw_deg = (elevation_from_screw_deg(inputs.hood_motor.position_rad - memory.screw_zero_rad, config.hood)
+        distance = motors.exit_distance_m(sighting.distance_m, config.camera)
+    screw_deg = (motors.elevation_from_screw_deg(inputs.hood_motor.position_rad - memory.screw_zero_rad, config.hood)
                  if memory.homed else None)
     encoder_deg = _encoder_deg(inputs, memory, config)
     is_heard = config.hood_encoder.is_heard or encoder_deg is not None     # advice has the robot's own angle
@@ -191,10 +184,10 @@ def doubt_axes(inputs: Inputs, config: Config) -> Doubts:
     for number, (axis, motor) in enumerate(zip(axes.flywheels, inputs.flywheels, strict=True), 1):
         if doubts := _motor(number, axis, motor, t_ns, gate):
             found += doubts
-    of_hood = _motor(HOOD_MOTOR, axes.hood, inputs.hood_motor, t_ns, gate)
+    of_hood = _motor(motors.HOOD_MOTOR, axes.hood, inputs.hood_motor, t_ns, gate)
     if config.hood_encoder.is_heard and (doubts := _encoder(inputs.hood_angle, t_ns, config)):
         of_hood = of_hood + doubts
-    return found, of_hood, _motor(FEEDER_MOTOR, axes.feeder, inputs.feeder, t_ns, gate)
+    return found, of_hood, _motor(motors.FEEDER_MOTOR, axes.feeder, inputs.feeder, t_ns, gate)
 
 
 def doubted_readings(inputs: Inputs, config: Config) -> list[Reason]:
@@ -239,7 +232,7 @@ def _motor(which: str | int, axis: Axis, motor: MotorReading, t_ns: int, gate: G
 
 
 def _name(which: str | int) -> str:
-    return which if isinstance(which, str) else name_wheel(which)
+    return which if isinstance(which, str) else motors.name_wheel(which)
 
 
 def _no_fault_report(device: str, stamp_ns: int | UnsetType, t_ns: int, limit_s: float) -> Reason | None:

@@ -1,6 +1,8 @@
-"""Eyes, which give sightings: a camera and vision, in this process or in one of its own."""
+"""Sources of sightings and of other programs' readings: the camera with vision, and other programs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Protocol
 
 import msgspec
@@ -8,10 +10,13 @@ import numpy as np
 import numpy.typing as npt
 from msgspec import Struct
 
+from truearc.hw.devices.family import Finding
 from truearc.hw.protocols import Camera, CameraFrame, Clock, LinkLost
 from truearc.hw.real.processes import Capacity, Slots
 from truearc.hw.reason import Reason
+from truearc.robot.config import named_tables, schema
 from truearc.robot.reasons import VISION_FAILED, VISION_UNRESPONSIVE
+from truearc.robot.runtime import RobotIo, Screen, Screens
 from truearc.robot.types import Sighting
 
 LONGEST_DETAIL = 1000                 # characters, of whatever an error has to say
@@ -157,3 +162,65 @@ def _shortened(why: Reason) -> Reason:
     if not isinstance(detail, str):
         return why
     return Reason(why.code, {**why.params, "detail": detail[:LONGEST_DETAIL]})
+
+
+# --- sources of other distributions
+
+Layer = Callable[[RobotIo], RobotIo]
+
+
+class OwnEyes(Eyes, Protocol):
+    """Eyes with a connection of their own, to be closed."""
+
+    def close(self) -> None: ...
+
+
+class Source:
+    """What reads one table's data; a subclass overrides what it has. config: one that has the table."""
+
+    def __init__(self, config: schema.Config) -> None:
+        self.config = config
+
+    def open_eyes(self, clock: Clock) -> OwnEyes | None:
+        """The camera of its `vision`; None without one. In the vision process, where there is one."""
+        return None
+
+    def open_layer(self, wires: ExitStack, is_apart: bool) -> Layer | None:
+        """What adds to the inputs of each tick; None for nothing. In the control process, and never waits.
+
+        Args:
+            wires: Closes what is opened.
+            is_apart: The control process may not read a network itself: a process of its own is to.
+        """
+        return None
+
+    def open_screen(self, gate_path: Path | None, clock: Clock | None) -> Screen | None:
+        """What shows ticks; None for nothing. In the recorder process, where there is one.
+
+        Args:
+            gate_path: Model that is asked for the novelty of a shot; None: there is none.
+            clock: That of the ticks; None where time passes otherwise.
+        """
+        return None
+
+    def findings(self) -> Iterable[Finding]:
+        """What the doctor says of it."""
+        return ()
+
+
+def sources_of(config: schema.Config) -> tuple[Source, ...]:
+    """One for each table of another distribution."""
+    return tuple(named_tables.find_table(name).source(config) for name in config.readings)
+
+
+def open_eyes(config: schema.Config, clock: Clock) -> OwnEyes | None:
+    """The camera that sees instead of [camera]'s; None where there is none."""
+    eyes = (source.open_eyes(clock) for source in sources_of(config))
+    return next((one for one in eyes if one is not None), None)
+
+
+def open_their_screens(config: schema.Config, gate_path: Path | None, own_time: bool, clock: Clock) -> Screen | None:
+    """All screens of other distributions as one; own_time: the ticks' time is another than that of `clock`."""
+    told = None if own_time else clock
+    screens = [source.open_screen(gate_path, told) for source in sources_of(config)]
+    return Screens([one for one in screens if one is not None]) if any(screens) else None

@@ -1,14 +1,14 @@
-"""The gate's model: an ONNX file that carries its own contract, the checks of its bytes, and one session for it.
+"""The gate's model: an ONNX file with its own contract, the checks of its bytes, and its inference session.
 
-The contract names inputs and outputs. Its hash is stamped into every exported model; a model with another is refused.
-So is a damaged or altered file: its metadata holds the hash of the file with UNSEALED in the hash's own place.
+The contract names inputs and outputs. Every exported model contains its hash; a model with a different hash is refused.
+So is a damaged or altered file: its metadata holds the hash of the file with UNSEALED in place of the hash.
 
-Metadata and operations are read before anything loads the file: protocol-buffer wire format, with the field numbers of
-onnx.proto (IR version 8). The time of every operation of OPERATIONS depends on the shapes of its inputs alone, and
-without Loop, If and Scan each is done once: all configurations take the same time. A file is then tried in another
-process, which a limit of time or memory can end: onnxruntime computes while it loads (constants are folded), and
-nothing can stop it inside a process. That process is `python -m truearc.robot.gate`; it receives the file's bytes on
-standard input and does everything that loading does.
+Metadata and operations are read from the protocol-buffer wire format (field numbers of onnx.proto, IR version 8) before
+anything loads the file. The time of every operation in OPERATIONS depends only on the shapes of its inputs, and without
+Loop, If and Scan each runs once, so all configurations take the same time. The file is then loaded in another process
+with limits of time and memory, because onnxruntime computes while it loads (it folds constants) and cannot be stopped
+within a process. That process is `python -m truearc.robot.gate`; it receives the file's bytes on standard input and
+performs all steps of loading.
 """
 
 import hashlib

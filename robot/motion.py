@@ -1,9 +1,9 @@
-"""Interlocks of motion: whether wheels and hood may be driven, and why not. Pure, like truearc.robot.tick.
+"""The motion interlocks: whether wheels and hood may be driven, and if not, why. Pure, like truearc.robot.tick.
 
 A missing, stale or faulty reading releases its axis until readings have been good for RECOVER_S. A motion that
-contradicts the torque, or two sensors that contradict each other, release it until the operator disarms and arms; so
-do REPEATS releases within REPEAT_NS. Each tick compares what the readings say with the torque of the tick before. The
-feeder, which is driven for a moment only, gets no torque while it is in doubt, and is not released.
+contradicts the torque, or two sensors that contradict each other, release it until the operator disarms and arms again;
+so do REPEATS releases within REPEAT_NS. Each tick compares the readings with the torque of the previous tick. The
+feeder is driven only briefly; while its readings are in doubt it gets no torque, but it is not released.
 """
 
 import math
@@ -16,28 +16,22 @@ from truearc.hw import fault_codes as codes
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import NS, NS_PER_S
 from truearc.hw.reason import Reason
+from truearc.robot import motors
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Hood
 from truearc.robot.estimate import Doubts, is_fresh
-from truearc.robot.motors import (
-    HOOD_OVERSPEED,
-    elevation_from_encoder_deg,
-    elevation_from_screw_deg,
-    elevation_per_rad,
-    screw_rad,
-    screw_travel_rad,
-)
 from truearc.robot.types import Estimate, Inputs, Joint, Memory, MotionMemory
 
 WHEELS, HOOD, SWITCH = "wheels", "hood", "hood limit switch"
 RECOVER_NS = 300_000_000              # of good readings: three heartbeats of a device, in which it would tell errors
 BEAT_S = 0.35                         # of a heartbeat, where readings come: two in a row may be lost
-START_NS = 500_000_000                # after arming, in which a device's old errors are cleared and it is taken over
+START_NS = 500_000_000                # in which a device's old errors are cleared and it is taken over
 REPEATS, REPEAT_NS = 3, 10 * NS_PER_S
 # Wheels. A tuned loop overshoots by 3 % of a set point; no motor passes its free speed by itself
 OVERSPEED, FREE_SPEED, PEAK_NS = 1.1, 1.05, 2 * NS_PER_S
 PEAK_STEP_NS = 100_000_000            # the time of the highest set point is kept to this
 DRIVING_A = 5.0                       # of Iq: twice what the shipped wheels' friction takes at full speed
+SLOW_RAD_S = 30.0                     # without a set point yet: noise, or turned by hand, is no overspeed
 BACKWARDS, HOOD_BACKWARDS = 0.05, 0.25            # shares of the set point and of the hood's limit, against the torque
 LAG_NS = 20_000_000                   # a torque shows in readings that are so much younger: two ticks and a reading
 FULL, FULL_NS = 0.8, 200_000_000      # share of the torque limit that moves every wheel, and how long it may not
@@ -54,7 +48,7 @@ BLIND, BLIND_NS, SHOWN_S = 1.75, 250_000_000, 0.06
 FAILURES = 3                          # in a row, each of which may have moved a hood whose motion is not known
 DIFFERENT = 3                         # readings in a row
 RATE_NS = 5_000_000                   # between encoder readings, for a rate: closer ones were held up on their way
-SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms, and asked again each tick until it answers
+SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms, and each tick where that is overdue
 HOMING_TRAVEL, HOMING_TIMES = 1.1, 3.0            # times the whole travel, and the time that it takes at the limit
 SWITCH_OPEN_DEG = 3.0                 # above the switch it is open
 SWITCH_DEG = 0.9                      # homing ends so far below the switch: the encoder is off, or the switch dead
@@ -119,7 +113,10 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     if not memory.armed:
         return Watch(FREE, FREE, doubts)
     t_ns = inputs.t_ns
-    last = MotionMemory(armed_t_ns=t_ns, active_t_ns=t_ns) if memory.motion is UNSET else memory.motion
+    last = memory.motion
+    if last is UNSET:                 # wheels may still turn from before
+        turning_rad_s = min(motor.velocity_rad_s for motor in inputs.flywheels)
+        last = MotionMemory(t_ns, t_ns, wheels=Joint(push_rad_s=turning_rad_s, push_t_ns=t_ns))
     axes, wheels, hood, cause, why = config.axes, last.wheels, last.hood, None, None
     # another controller's motors are not moved by our torques, nor released by us
     owns_wheels, owns_hood = any(
@@ -129,18 +126,18 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     if owns_hood:
         hood, why = _hood(inputs, estimate, wanted, memory, hood, last.hood_torque_nm, config)
     of_wheels, of_hood, of_feeder = doubts
-    starting = t_ns - last.armed_t_ns < START_NS
     everywhere, by_axis = _sorted_faults(inputs) if inputs.faults else (None, _NO_FAULTS)
-    uncounted = starting or any(fault.code in STALLS for fault in inputs.faults)
-    wheels_ready, doubt = _doubt(of_wheels, starting) if of_wheels else _NO_DOUBT
+    uncounted = t_ns - last.armed_t_ns < START_NS or any(fault.code in STALLS for fault in inputs.faults)
+    wheels_ready, doubt = _doubt(of_wheels, _is_starting(wheels, t_ns)) if of_wheels else _NO_DOUBT
     if owns_wheels and (doubt or cause or wheels.cause or inputs.faults):
         passing, latching = by_axis[0]
         wheels = _follow(wheels, latching or cause, everywhere or doubt or passing, t_ns, uncounted)
     switch = None if memory.homed else _switch_doubt(inputs)
-    hood_ready, doubt = _doubt(of_hood, starting) if of_hood else _NO_DOUBT
+    hood_ready, doubt = _doubt(of_hood, _is_starting(hood, t_ns)) if of_hood else _NO_DOUBT
     if owns_hood and (doubt or why or hood.cause or switch or inputs.faults):
         passing, latching = by_axis[1]
         hood = _follow(hood, latching or why, everywhere or doubt or switch or passing, t_ns, uncounted)
+    wheels, hood = _taken(wheels, t_ns), _taken(hood, t_ns)
     hood, failures = _counted(hood, last.hood, memory, config)
     feeder_ready = not of_feeder and by_axis[2] == (None, None)
     seen, idle_s = memory.last_sighting, config.flywheel.idle_s
@@ -193,6 +190,14 @@ def _doubt(doubts: list[Reason], starting: bool) -> tuple[bool, Reason | None]:
         if reason.code != because.MOTOR_NOT_DRIVEN.name and not (starting and reason.code == because.MOTOR_ERROR.name):
             return False, reason
     return ready, None
+
+
+def _taken(joint: Joint, t_ns: int) -> Joint:
+    return joint if joint.taken_t_ns or joint.cause is not None else replace(joint, taken_t_ns=t_ns)
+
+
+def _is_starting(joint: Joint, t_ns: int) -> bool:
+    return not joint.taken_t_ns or t_ns - joint.taken_t_ns < START_NS
 
 
 def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns: int, uncounted: bool) -> Joint:
@@ -254,8 +259,9 @@ def _wheels(inputs: Inputs, wanted_rad_s: float, joint: Joint, asked_nm: float,
     peak, free = joint.peak_rad_s, config.rig.launcher.free_speed_rad_s or math.inf
     if max(fastest, -slowest) > FREE_SPEED * free:
         return joint, because.JOINT_OVERSPEED(joint=WHEELS, speed_rad_s=fastest, factor=FREE_SPEED, top_rad_s=free)
-    if fastest > OVERSPEED * peak and (asked_nm != 0.0 or _is_driven(inputs, config)
-                                       or slowest > joint.push_rad_s + BACKWARDS * peak):
+    top = max(OVERSPEED * peak, min(BACKWARDS * free, SLOW_RAD_S))
+    if fastest > top and (asked_nm != 0.0 or _is_driven(inputs, config)
+                          or slowest > joint.push_rad_s + BACKWARDS * peak):
         return joint, because.JOINT_OVERSPEED(joint=WHEELS, speed_rad_s=fastest, factor=OVERSPEED, top_rad_s=peak)
     if joint.push and slowest < min(joint.push * joint.push_rad_s, 0.0) - BACKWARDS * peak:
         return joint, because.JOINT_BACKWARDS(joint=WHEELS)
@@ -339,8 +345,8 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, jo
         return joint, differing
     if joint.push:
         limit_rad_s = wanted.hood_top_rad_s or hood_limit_rad_s(estimate, config.hood)
-        if joint.push * speed > HOOD_OVERSPEED * limit_rad_s:
-            return joint, because.JOINT_OVERSPEED(joint=HOOD, speed_rad_s=speed, factor=HOOD_OVERSPEED,
+        if joint.push * speed > motors.HOOD_OVERSPEED * limit_rad_s:
+            return joint, because.JOINT_OVERSPEED(joint=HOOD, speed_rad_s=speed, factor=motors.HOOD_OVERSPEED,
                                                   top_rad_s=limit_rad_s)
         if joint.push * speed < min(joint.push * joint.push_rad_s, 0.0) - HOOD_BACKWARDS * limit_rad_s:
             return joint, because.JOINT_BACKWARDS(joint=HOOD)
@@ -368,7 +374,7 @@ def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint, 
     if is_fresh(inputs, angle.t_ns, config) and is_fresh(inputs, motor.t_ns, config):
         then_rad = motor.position_rad - motor.velocity_rad_s * (motor.t_ns - angle.t_ns) * NS
         if memory.homed:
-            screw_deg = elevation_from_screw_deg(then_rad - memory.screw_zero_rad, config.hood)
+            screw_deg = motors.elevation_from_screw_deg(then_rad - memory.screw_zero_rad, config.hood)
         else:
             if (asked_nm == 0.0 and joint.began_t_ns <= 0) or not joint.began_t_ns:
                 joint = replace(joint, began_t_ns=-angle.t_ns, began_rad=angle.angle_rad, began_screw_rad=then_rad)
@@ -400,7 +406,7 @@ def _rate_deg_s(t_ns: int, encoder_deg: float | None, joint: Joint, config: Conf
 def _since_began(angle_rad: float, motor_rad: float, encoder_deg: float | None, joint: Joint,
                  config: Config) -> tuple[float, float | None]:
     """Where encoder and screw say that the hood is since they are compared; changes where its zero is not known."""
-    changed_deg = elevation_from_encoder_deg(angle_rad, config.hood_encoder, math.degrees(joint.began_rad))
+    changed_deg = motors.elevation_from_encoder_deg(angle_rad, config.hood_encoder, math.degrees(joint.began_rad))
     began_deg = None if encoder_deg is None else encoder_deg - changed_deg
     reads_deg = (began_deg or 0.0) + changed_deg
     return reads_deg, _nearest_deg(reads_deg, began_deg, motor_rad - joint.began_screw_rad, config.hood)
@@ -413,7 +419,7 @@ def _nearest_deg(reads_deg: float, began_deg: float | None, turned_rad: float, h
               else [min(max(began_deg, hood.low_deg), hood.high_deg)])
     moved = []
     for place_deg in places:
-        at_deg = elevation_from_screw_deg(screw_rad(place_deg, hood) + turned_rad, hood)
+        at_deg = motors.elevation_from_screw_deg(motors.screw_rad(place_deg, hood) + turned_rad, hood)
         if at_deg is not None:
             moved.append((began_deg or 0.0) + at_deg - place_deg)
     return min(max(reads_deg, min(moved)), max(moved)) if moved else None
@@ -461,7 +467,7 @@ def _homing(inputs: Inputs, hood_deg: float | None, memory: Memory, joint: Joint
         return replace(joint, homing_t_ns=t_ns, homing_rad=at_rad), None
     took_s = (t_ns - joint.homing_t_ns) * NS
     limit_s = HOMING_TIMES * (hood.high_deg - hood.low_deg) / hood.max_deg_s
-    if beyond or took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * screw_travel_rad(hood):
+    if beyond or took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * motors.screw_travel_rad(hood):
         return joint, because.SWITCH_NOT_REACHED(limit_s=took_s)
     return joint, None
 
@@ -477,7 +483,7 @@ def _switch_doubt(inputs: Inputs) -> Reason | None:
 
 def hood_limit_rad_s(estimate: Estimate, hood: Hood) -> float:
     """`[hood] max_deg_s` as a speed of the hood's motor."""
-    return hood.max_deg_s / elevation_per_rad(here_deg(estimate, hood), hood)
+    return hood.max_deg_s / motors.elevation_per_rad(here_deg(estimate, hood), hood)
 
 
 def here_deg(estimate: Estimate, hood: Hood) -> float:

@@ -8,8 +8,8 @@ from truearc.hw.bus_rules import WINDOW_NS, AllowedBus, MonitoredBus, Rules
 from truearc.hw.devices.family import Around, Axis, Bounds, HoodEncoder
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import NS_PER_S, Bus, Clock, Motor
+from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import CameraConfig, Config, Hood
-from truearc.robot.hood_encoders import encoder_family_of
 
 # --- the hood's screw
 

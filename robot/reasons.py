@@ -1,5 +1,7 @@
-"""The robot's reasons for a HOLD as codes, and the log text of every reason. Fields and units:
-truearc.hw.reason.Code."""
+"""The codes of the robot's reasons for a HOLD, and the log text of every reason.
+
+Fields and units: truearc.hw.reason.Code.
+"""
 
 from collections.abc import Iterable
 

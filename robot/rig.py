@@ -1,6 +1,6 @@
-"""HardwareRig: any wires that keep truearc.hw.protocols's promises, real or emulated. ReplayRig: a recording.
+"""Rigs: where Inputs come from and Commands go. HardwareRig uses wires of truearc.hw.protocols, ReplayRig a recording.
 
-RecordingRig: any of them while it is recorded: no shot is fired unless it is.
+RecordingRig records another rig; no shot is fired unless it is recorded.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -15,9 +15,9 @@ from truearc.hw.fault_codes import SPEED_JUMPED
 from truearc.hw.protocols import NS_PER_S
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
+from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import Config
 from truearc.robot.eyes import Eyes
-from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import around_encoder, make_motors, name_axes, name_wheel
 from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick

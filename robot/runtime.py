@@ -1,7 +1,7 @@
-"""The loop: read -> tick -> write -> record, one line on hardware, twin and replay; layers around rig and recorder.
+"""The control loop (read -> tick -> write -> record), one for robot, emulation and replay, and the layers around it.
 
-A layer shows ticks on screens (the operator's page), counts how late they come, or feeds the watchdog of the service
-that started the loop. Time comes with the ticks; no clock is read here.
+A layer shows ticks on the operator page, measures their lateness, or feeds the watchdog of the service that started the
+loop. Times come with the ticks; no clock is read here.
 """
 
 from bisect import bisect_left

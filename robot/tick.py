@@ -1,12 +1,10 @@
-"""One tick: estimate -> aim -> interlocks -> verdict -> control. Pure: no clock, no wires, no randomness, so that a
-replay is exact."""
+"""One tick: estimate -> aim -> interlocks -> verdict -> control. Pure (no clock, I/O, randomness): replay is exact."""
 
 from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.hw.protocols import NS
-from truearc.robot.aim import aim as aim_at
-from truearc.robot.aim import config_id, from_here, is_left, is_moving, is_planned, operate, place_m, speed_m_s
+from truearc.robot import aim as aiming
 from truearc.robot.aim_file import NO_AIMS, Aims
 from truearc.robot.config.schema import Config
 from truearc.robot.control import control
@@ -22,7 +20,7 @@ def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims
 
     aims: the aim files that `aim.policy = "belief"` may use.
     """
-    memory, outcomes = operate(inputs, memory, config)
+    memory, outcomes = aiming.operate(inputs, memory, config)
     memory = remember(inputs, memory, config)
     belief = estimate(inputs, memory, config)
     aim, memory = _hold_aim(belief, memory, config, aims)
@@ -42,14 +40,15 @@ def _hold_aim(belief: Estimate, memory: Memory, config: Config, aims: Aims) -> t
     # From the request on the set points stand still: what follows every noisy sighting never settles. Whether they are
     # for where the robot stands is asked in every tick.
     # On the move they follow: they belong to a velocity, too.
-    stays = memory.aim is not None and not is_left(memory.aim, memory.aim_place_m, belief.distance_m)
-    if memory.aim is not None and stays and not is_moving(belief):
-        return from_here(memory.aim, memory.aim_place_m, belief.distance_m), memory
-    aim = aim_at(belief, memory, config, aims)
+    stays = memory.aim is not None and not aiming.is_left(memory.aim, memory.aim_place_m, belief.distance_m)
+    if memory.aim is not None and stays and not aiming.is_moving(belief):
+        return aiming.from_here(memory.aim, memory.aim_place_m, belief.distance_m), memory
+    aim = aiming.aim(belief, memory, config, aims)
     fresh = belief.sighting_s is not None and 0.0 <= belief.sighting_s <= config.gate.sighting_age_s
-    held = memory.request_t_ns and is_planned(aim) and fresh
+    held = memory.request_t_ns and aiming.is_planned(aim) and fresh
     if held or memory.aim is not None:
-        memory = replace(memory, aim=aim if held else None, aim_place_m=place_m(belief.distance_m, memory, config))
+        memory = replace(memory, aim=aim if held else None,
+                         aim_place_m=aiming.place_m(belief.distance_m, memory, config))
     return aim, memory
 
 
@@ -57,11 +56,12 @@ def _shot(inputs: Inputs, belief: Estimate, verdict: Verdict, memory: Memory, co
     assert belief.distance_m is not None and belief.distance_sigma_m is not None and belief.hood_deg is not None
     before = memory.last_shot
     return Shot(
-        trial=memory.trial, t_ns=inputs.t_ns, config_id=config_id(memory.trial, config.collect),
+        trial=memory.trial, t_ns=inputs.t_ns, config_id=aiming.config_id(memory.trial, config.collect),
         distance_m=belief.distance_m, distance_sigma_m=belief.distance_sigma_m, hood_deg=belief.hood_deg,
         motor_ratio=belief.motor_ratio, motor_rad_s=belief.motor_rad_s, battery_v=belief.battery_v,
         since_last_shot_s=None if before is None else (inputs.t_ns - before.t_ns) * NS,
-        p_two=verdict.p_two, p_three=verdict.p_three, speed_m_s=speed_m_s(belief) if is_moving(belief) else UNSET)
+        p_two=verdict.p_two, p_three=verdict.p_three,
+        speed_m_s=aiming.speed_m_s(belief) if aiming.is_moving(belief) else UNSET)
 
 
 def _lapse(inputs: Inputs, verdict: Verdict, memory: Memory, config: Config) -> tuple[Memory, tuple[Outcome, ...]]:

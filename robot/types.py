@@ -1,10 +1,10 @@
-"""What flows through one tick: Inputs -> Estimate -> Aim -> Verdict -> Command -> Sent.
+"""The values that pass through one tick: Inputs -> Estimate -> Aim -> Verdict -> Command -> Sent.
 
 The whole Tick is the recorded row.
 
-SI throughout, the unit is the last word of the name; `t_ns` is the rig's one monotonic clock. These are msgspec
-structs rather than dataclasses because a row is written 200 times a second and replayed 10 000 times a second.
-Absent numbers are None, never NaN: JSON has no NaN, and a None cannot pass a comparison by accident.
+Units are SI and form the last word of each name; `t_ns` is the rig's single monotonic clock. The types are msgspec
+structs rather than dataclasses because a row is written 200 times a second and replayed 10 000 times a second. Absent
+numbers are None, never NaN: JSON has no NaN, and None cannot pass a comparison by accident.
 """
 
 from msgspec import UNSET, Struct, UnsetType, field
@@ -139,6 +139,7 @@ class Joint(Struct, frozen=True, omit_defaults=True):
 
     cause: Reason | None = None                   # why it is released; None while it may be driven
     is_latched: bool = False                      # released until it is disarmed and armed
+    taken_t_ns: int = 0                           # not released for the first time since it was armed
     good_t_ns: int = 0                            # while released: its readings have been good since then
     releases_t_ns: tuple[int, int] = (0, 0)       # of the last two, newest first; those in a measured stall not counted
     peak_rad_s: float = 0.0                       # wheels: highest set point of the last seconds

@@ -1,6 +1,6 @@
-"""FIRE or HOLD. Every interlock is evaluated every tick; a reason that cannot be ruled out is a HOLD.
+"""The verdict of a tick, FIRE or HOLD. Every tick checks every interlock; a reason that cannot be ruled out means HOLD.
 
-FIRE means: the driver asked, everything that can be checked is known and good, and (policy "model") the model agrees.
+FIRE means that the driver requested a shot, every check passed and, with policy "model", the model agrees.
 """
 
 import itertools

@@ -1,4 +1,4 @@
-"""Use of the machine: jobs on all cores, and compiled JAX code on disk, so that only the first run compiles."""
+"""Parallel jobs on all cores, and a cache of compiled JAX code on disk, so that only the first run compiles."""
 
 import os
 import platform
@@ -12,9 +12,6 @@ import jax
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
-
-
-
 _compiled: set[Hashable] = set()
 MIN_COMPILE_S = 0.3                   # code that compiles faster is not kept
 

@@ -1,4 +1,4 @@
-"""Results and progress as text: reports on a terminal and in a notebook, aligned tables, CSV files."""
+"""Text output of results and progress: reports on a terminal and in a notebook, aligned tables, CSV files."""
 
 import csv
 import html

@@ -1,4 +1,4 @@
-"""Self-contained HTML pages and their pictures. Nothing is fetched from anywhere."""
+"""Self-contained HTML pages and their pictures, without external resources."""
 
 import base64
 import html

@@ -1,4 +1,4 @@
-"""Statistics of shots: intervals of shares and means, covariance, and how good probabilities were."""
+"""Statistics of shots: intervals of shares and means, covariance, and measures of predicted probabilities."""
 
 import math
 from collections.abc import Sequence
@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
-Z90, Z95 = 1.6448536269514722, 1.959963984540054      # of a normal distribution, two-sided
+Z90, Z95 = (float(ndtri(0.5 + 0.5 * share)) for share in (0.90, 0.95))    # of a normal distribution, two-sided
 BINS = 10
 POINTS_TWO, POINTS_THREE = 2.0, 3.0   # that a ball scores through the outer and through the inner opening
 
@@ -30,8 +30,7 @@ def student_half(values: Sequence[float] | np.ndarray) -> float:
     numbers = np.asarray(values, float)
     if len(numbers) < 2:
         return math.nan
-    quantile = stdtrit(len(numbers) - 1, 0.975)
-    return float(quantile * numbers.std(ddof=1) / math.sqrt(len(numbers)))
+    return float(stdtrit(len(numbers) - 1, 0.975) * numbers.std(ddof=1) / math.sqrt(len(numbers)))
 
 
 def invert(information: Float[np.ndarray, "P P"]) -> Float[np.ndarray, "P P"]:

@@ -5,8 +5,7 @@ from typing import Any
 
 from truearc.hw.emulated.nodes import Plant
 from truearc.robot.config.schema import Config
-from truearc.sim.world.emulated_robot import MakeEyes, MakeNodes, make_nodes
-from truearc.sim.world.emulated_vision import TwinEyes
+from truearc.sim.world.emulated_robot import MakeEyes, MakeNodes, TwinEyes, make_nodes
 from truearc_proof.world.faults import Fault, FaultyNode
 
 

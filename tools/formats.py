@@ -1,4 +1,4 @@
-"""docs/reference/formats.md and truearc/schemas, from the code; `python -m tools.pages formats` writes them.
+"""Tables of docs/reference/formats.md, and truearc/schemas, from the code; `python -m tools.pages formats` writes them.
 
 Meanings of keys are the comments beside them: in robot/launcher.toml, and beside the fields of the structs.
 """
@@ -14,20 +14,21 @@ from msgspec import UNSET, Struct, UnsetType
 
 from truearc.hw.devices.canandmag import CanandmagConfig
 from truearc.robot.aim_file import AimContent
-from truearc.robot.config.limits import LIMITS, Bound, shown
+from truearc.robot.config.limits import Bound, load_limits, shown
+from truearc.robot.config.named_tables import BY_DRIVER
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config
-from truearc.robot.hood_encoders import BY_DRIVER
 from truearc.robot.recording.session import Header
-from truearc.sim.data.columns import UNITS
+from truearc.sim.data.table import UNITS
 from truearc.sim.discover.finding import AimProposal, FindingRecord
-from truearc.sim.discover.plan.identifiability import Sight
+from truearc.sim.discover.identifiability import Sight
+from truearc_proof.table import make_markdown
 
 LAUNCHER = Path(__file__).resolve().parents[1] / "robot" / "launcher.toml"
 SPELLED = {"s": "s", "deg": "deg", "rad_s": "rad/s", "rev_s": "rev/s", "m_s": "m/s", "kg_m3": "kg/m³", "m_s2": "m/s²",
            "deg_s": "deg/s", "nm": "Nm", "nm_s": "Nm s", "nm_s2": "Nm s²", "hz": "Hz", "px": "px", "v": "V", "a": "A",
            "rpm": "rpm", "pa": "Pa", "ms": "ms"}
-BY_KEY = {limit.key: limit for limit in LIMITS}
+BY_KEY = {limit.key: limit for limit in load_limits()}
 KEY = re.compile(r"#? ?([a-z0-9_]+) = ([^#]*?)\s*(?:# (.*))?$")
 
 
@@ -74,64 +75,6 @@ DOCUMENTS: dict[str, tuple[type[Struct], str, str]] = {
     "proposal": (AimProposal, "schema", "`truearc follow ... --out DIR` as `DIR/proposal.json`"),
     "session": (Header, "format", "`session.json` of a recording"),
 }
-HEAD = """# File formats
-
-Every key and unit of the files that users write or read. Made from the code by `python -m tools.pages formats`.
-
-| file | described in |
-|---|---|
-| dataset: `rig.toml`, `shots.csv`, `tracks.csv`, `times.csv`, `traces.csv` | [dataset](dataset.md) |
-| `launcher.toml` | [below](#launchertoml); axes, hood encoders: [motors](../how-to/motors.md); `[rig]` as a dataset's |
-| belief: coefficients, scatter, covariance | [below](#belief) |
-| results as JSON: finding, identifiability, design, proposal, a session's header | [below](#json-documents) |
-| a session's other files | first lines of `robot/recording/session.py` |
-| codes of reasons in recordings | [reasons](reasons.md) |
-| CAN frames, button box | [buses](../how-to/buses.md), [button-box](../how-to/button-box.md) |
-| set points of `truearc aim` as CSV or JSON | [aim](../how-to/aim.md#options) |
-| `shots.toml`: which keys of a log say what | [importing](../how-to/importing.md#map) |
-| plan of shots for `emulate --plan` and `run --plan` | [discover](../how-to/discover.md) |
-
-A key's ending is its unit: `_m` metres, `_deg` degrees, `_s` seconds, `_rad_s` rad/s, `_nm` Nm, `_px` pixels.
-Angles are above the horizontal.
-
-## launcher.toml
-Every key is needed, except those that are comments in the [shipped file](../../robot/launcher.toml), and `[identify]`.
-The table `[nt4]` of `truearc-frc`: [advice](../how-to/advise.md#nt4).
-
-| key | unit | shipped | range | meaning |
-|---|---|---|---|---|
-"""
-LIMITED = """
-### Limits
-Each number that moves or times something has a least and a greatest value, here with the reason. Where there are
-several bounds, the narrowest counts; a key that the configuration does not have, or that is 0 and stands for unknown
-(`flywheel.ka_nm_s2`, `kp`), bounds nothing. `truearc` refuses a configuration with a number outside, with exit code 2.
-
-| key | least | greatest | reason |
-|---|---|---|---|
-"""
-BELIEF = """
-## Belief
-TOML, `schema = "truearc.coefficients/1"`. `fit` and `discover --adopt` write it; `discover --belief`, `follow`,
-`predict`, `train`, `aim` and `verify` read it.
-
-| key | unit | meaning |
-|---|---|---|
-| `schema` | | truearc.coefficients/1 |
-| `TERM.PARAMETER` | as in [terms](terms.md) | a table per term that is believed |
-| `scatter.speed` | 1 | standard deviation of the log of the exit speed from shot to shot |
-| `scatter.elevation_deg` | deg | standard deviation of the exit elevation from shot to shot |
-| `covariance.names` | | fitted parameters: `TERM.PARAMETER` or `scatter.NAME` |
-| `covariance.matrix` | squares of the parameters' scales: log, logit or linear | their covariance, a row each |
-| `curve` | | sizes of unexplained effects: covariate, knots, values |
-| `provenance` | | dataset, method, 90 % intervals, ranges of its shots; no predicted number depends on it |
-
-## JSON documents
-[x] is a list, {x} an object whose values are x; x? may be `null`, as are numbers that are not finite. Schemas (of
-draft 2020-12) ship in the package: `truearc/schemas/`. A later version may add keys.
-"""
-
-
 def comments_of(kind: type) -> dict[str, str]:
     """Comments beside the fields of a struct, by field."""
     return {found[1]: found[2] for found in re.finditer(r"^    (\w+): [^#\n]*# (.*)$", inspect.getsource(kind), re.M)}
@@ -223,18 +166,21 @@ def unit_of(key: str) -> str:
     return "" if ending is None else SPELLED.get(ending, ending)
 
 
-def document_tables(name: str) -> Iterator[str]:
-    """Lines that describe a JSON document: a table per object in it."""
+def documents() -> str:
+    """The JSON documents, each a table per object in it."""
+    return "\n".join(line for name in DOCUMENTS for line in _document(name))
+
+
+def _document(name: str) -> Iterator[str]:
     kind, _, made_by = DOCUMENTS[name]
     yield f"\n### {name}\n{made_by}; schema `truearc/schemas/{name}.json`."
     for one in structs_of(kind):
         comments = comments_of(one)
         if one is not kind:
             yield f"\n`{one.__name__}`"
-        yield "\n| key | type | meaning |\n|---|---|---|"
-        for field in msgspec.structs.fields(one):
-            meaning = comments.get(field.name, "").replace(" | ", " or ")
-            yield f"| `{field.encode_name}` | {_type_text(field.type)} | {meaning} |"
+        yield "\n" + make_markdown(("key", "type", "meaning"), [
+            (f"`{field.encode_name}`", _type_text(field.type), comments.get(field.name, "").replace(" | ", " or "))
+            for field in msgspec.structs.fields(one)])
 
 
 def _type_text(annotation: Any) -> str:
@@ -253,11 +199,13 @@ def _type_text(annotation: Any) -> str:
     return f"{said}?" if type(None) in parts else said
 
 
-def make_page() -> str:
-    """The whole page."""
-    rows = [f"| `{key}` | {unit_of(key)} | `{value}` | {range_of(key)} | {meaning} |".replace("| `` |", "| absent |")
-            for key, value, meaning in launcher_keys()]
-    limits = [f"| `{one.key}` | {_bound_text(one.low)} | {_bound_text(one.high)} | {one.why} |" for one in LIMITS]
-    documents = [line for name in DOCUMENTS for line in document_tables(name)]
-    parts = (HEAD, *rows), (LIMITED, *limits), (BELIEF, *documents)
-    return "".join(head + "\n".join(lines) + "\n" for head, *lines in parts)
+def launcher() -> str:
+    """The keys of launcher.toml."""
+    return make_markdown(("key", "unit", "shipped", "range", "meaning"), [
+        (f"`{key}`", unit_of(key), f"`{value}`" if value else "absent", range_of(key), meaning)
+        for key, value, meaning in launcher_keys()])
+
+
+def limits() -> str:
+    return make_markdown(("key", "least", "greatest", "reason"), [
+        (f"`{one.key}`", _bound_text(one.low), _bound_text(one.high), one.why) for one in BY_KEY.values()])

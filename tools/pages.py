@@ -3,12 +3,11 @@
     python -m tools.pages reasons --drivers samplemotor     prints the reasons of other motor drivers, too
     python -m tools.pages --run NAME COMMAND                runs `python -m ...` or `truearc ...`, keeps what it prints
 
-reference: commands and Python API. formats: file formats, from the structs and the comments beside their fields, and
-truearc/schemas. reasons: codes and messages. terms: between two marks of docs/reference/terms.md. measured: between
-`<!-- result: NAME -->` and `<!-- end -->` on every page, a table of RESULTS or an entry of
-docs/measured/results/printed.txt, which --run writes: command, commit and date, then what was printed; `<!-- result:
-NAME: PATTERN -->` shows the lines alone that match. `benchmarks.proof --write` fills docs/measured/sealed.md in the
-same way.
+What is made stands between marks: `<!-- made: NAME -->`, on the pages of docs/reference (reference: commands and Python
+API; formats: files, from the structs and the comments beside their fields, and truearc/schemas; reasons: codes and
+messages; terms), or `<!-- result: NAME -->`, and `<!-- end -->`. measured: each page with results, tables of MADE or
+entries of docs/measured/results/printed.txt, which --run writes: command, commit and date, then what was printed;
+`<!-- result: NAME: PATTERN -->` shows the lines alone that match.
 """
 
 import argparse
@@ -22,16 +21,16 @@ import sys
 from argparse import SUPPRESS, Action
 from collections.abc import Callable, Iterable, Iterator
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from string import Formatter
 from typing import Any
 
 import truearc
 from benchmarks import demo_seeds, fault_matrix
-from benchmarks.matrix.judge import Result
-from benchmarks.proof import load
+from benchmarks.proof import Packed, load, tell_posteriors
 from tools import formats
-from truearc.cli.commands import COMMANDS, GROUPS, Command, load_plugins, make_parser
+from truearc.cli.main import COMMANDS, GROUPS, Command, load_plugins, make_parser
 from truearc.errors import INSTALL_HINTS
 from truearc.hw import fault_codes
 from truearc.hw.devices.registry import find_family
@@ -51,60 +50,45 @@ REFERENCE, SCHEMAS = ROOT / "docs" / "reference", ROOT / "truearc" / "schemas"
 # --- commands and Python API
 
 UNLISTED = ("help", "quiet", "force")
-COMMANDS_HEAD = """# Commands
-
-Every command of `truearc`, with its arguments and options. `--help` behind a command explains each, with an example.
-`--quiet` and `--force` (write over what is there) are not listed. Exit codes: 0 done, 1 a no, 2 wrong input.
-Made from the code by `python -m tools.pages reference`.
-"""
-API_HEAD = """# Python API
-
-Every public name: `import truearc as ta`, then `ta.NAME`. `help(ta.NAME)` gives arguments, units, frames and errors.
-Made from the code by `python -m tools.pages reference`.
-"""
 
 
-def commands_page() -> str:
-    """The page of commands: a table for each group."""
-    commands = sorted((*COMMANDS, *(one for one in load_plugins() if one.distribution in INSTALL_HINTS)),
-                      key=lambda one: [*GROUPS, one.group].index(one.group))
-    lines = [COMMANDS_HEAD]
-    for group, members in itertools.groupby(commands, key=lambda one: one.group):
+def commands() -> str:
+    """A table for each group of commands."""
+    every = sorted((*COMMANDS, *(one for one in load_plugins() if one.distribution in INSTALL_HINTS)),
+                   key=lambda one: [*GROUPS, one.group].index(one.group))
+    lines = []
+    for group, members in itertools.groupby(every, key=lambda one: one.group):
         about = f": {GROUPS[group]}" if group in GROUPS else ""
-        lines += [f"## {group.capitalize()}{about}\n", "| command | does | arguments and options |", "|---|---|---|"]
-        lines += [*map(_command_row, members), ""]
+        lines += [f"\n## {group.capitalize()}{about}\n",
+                  make_markdown(("command", "does", "arguments and options"), map(_command_row, members))]
     return "\n".join(lines)
 
 
-def _command_row(command: Command) -> str:
+def _command_row(command: Command) -> tuple[str, ...]:
     actions = [one for one in make_parser(command)._actions if one.help != SUPPRESS and one.dest not in UNLISTED]
-    return f"| `{command.name}` | {command.summary} | {' '.join(map(_argument, actions))} |"
+    return f"`{command.name}`", command.summary, " ".join(map(_argument, actions))
 
 
 def _argument(action: Action) -> str:
-    name = action.option_strings[-1] if action.option_strings else _metavar(action)
-    return f"`{name}`".replace("|", "\\|")
+    metavar = action.metavar if isinstance(action.metavar, str) else action.dest.upper()
+    return f"`{action.option_strings[-1] if action.option_strings else metavar}`".replace("|", "\\|")
 
 
-def _metavar(action: Action) -> str:
-    return action.metavar if isinstance(action.metavar, str) else action.dest.upper()
+def public(is_call: bool) -> list[tuple[str, Any]]:
+    """(name, value) of the Python API's functions, or of its classes and modules."""
+    every = [(name, getattr(truearc, name)) for name in sorted(truearc.__all__, key=str.lower)]
+    return [(name, value) for name, value in every if inspect.isroutine(value) == is_call]
 
 
-def api_page() -> str:
-    """The page of the Python API: a table of functions and one of classes."""
-    names = sorted(truearc.__all__, key=str.lower)
-    values = {name: getattr(truearc, name) for name in names}
-    lines = [API_HEAD, "## Functions\n", "| call | does |", "|---|---|"]
-    lines += [f"| `{name}({_parameters(value)})` | {_summary(value)} |" for name, value in values.items()
-              if inspect.isroutine(value)]
-    lines += ["", "## Classes and modules\n", "| name | purpose | members |", "|---|---|---|"]
-    lines += [f"| `{name}` | {_summary(value)} | {' '.join(f'`{member}`' for member in _members(value))} |"
-              for name, value in values.items() if not inspect.isroutine(value)]
-    return "\n".join([*lines, ""])
+def functions() -> str:
+    return make_markdown(("call", "does"), [(f"`{name}({', '.join(inspect.signature(value).parameters)})`",
+                                             _summary(value)) for name, value in public(True)])
 
 
-def _parameters(value: Any) -> str:
-    return ", ".join(inspect.signature(value).parameters)
+def classes() -> str:
+    return make_markdown(("name", "purpose", "members"), [
+        (f"`{name}`", _summary(value), " ".join(f"`{member}`" for member in _members(value)))
+        for name, value in public(False)])
 
 
 def _summary(value: Any) -> str:
@@ -122,87 +106,61 @@ def _members(value: Any) -> Iterator[str]:
 
 # --- reasons
 
-REASONS_HEAD = """# Reasons
+def own_messages(drivers: Iterable[str]) -> list[Message]:
+    """Reasons of motor drivers of other distributions."""
+    return [message for driver in drivers for message in find_family(driver).messages]
 
-A reason says why the robot holds or what is wrong with it: a code with parameters. Recordings keep the code, such as
-`{"code": "device_stale", "params": {"device": "hood motor", "age_s": 0.312}}`. Made by `python -m tools.pages reasons`.
-"""
-MESSAGE_HEAD = """
-## What the operator's page says
-Most important first. `fault`: something is not as it should be; `you`: it is the driver's turn; `wait`: it comes by
-itself. The second column names a cause, or a motor's single error, for which the page has a message of its own.
 
-| code | in case of | kind | the page says | what to do |
-|---|---|---|---|---|"""
-CODE_HEAD = """
-## Codes
-Names in ‹› are parameters; their ending is the unit. The third column has those that may be absent (`?`) or that
-the text does not show. `cause` and `causes` are reasons themselves. A code without a message above is a cause of one
-that has a message, or an error that stops a command before it starts. A motor driver of another distribution has its
-own reasons, named `DRIVER.WHAT` (`MotorFamily.messages`).
+def messages(drivers: Iterable[str] = ()) -> str:
+    """What the operator's page says."""
+    alike = itertools.groupby((*own_messages(drivers), *MESSAGES),
+                              key=lambda one: (one.code.name, one.kind, one.means, one.do))
+    return make_markdown(("code", "in case of", "kind", "the page says", "what to do"),
+                         [_message_row(list(group)) for _, group in alike])
 
-| code | log text | more |
-|---|---|---|"""
+
+def codes(drivers: Iterable[str] = ()) -> str:
+    every = (*reasons.CODES, *fault_codes.CODES, *(message.code for message in own_messages(drivers)))
+    return make_markdown(("code", "log text", "more"), map(_code_row, every))
 
 
 def reasons_page(drivers: Iterable[str] = ()) -> str:
-    """docs/reference/reasons.md, with the own reasons of these motor drivers."""
-    own = [message for driver in drivers for message in find_family(driver).messages]
-    codes = (*reasons.CODES, *fault_codes.CODES, *(message.code for message in own))
-    alike = itertools.groupby((*own, *MESSAGES), key=lambda one: (one.code.name, one.kind, one.means, one.do))
-    messages = [_message_row(list(group)) for _, group in alike]
-    return "\n".join([REASONS_HEAD.rstrip(), MESSAGE_HEAD, *messages, CODE_HEAD, *map(_code_row, codes), ""])
+    """Both tables, with the own reasons of these motor drivers."""
+    return f"{messages(drivers)}\n\n{codes(drivers)}\n"
 
 
-def _message_row(alike: list[Message]) -> str:
+def _message_row(alike: list[Message]) -> tuple[str, ...]:
     """A row for messages of one code that differ in their case alone."""
     first = alike[0]
     means = _shown(first.means)
     cases = ", ".join(f"`{message.case}`" for message in alike if message.case)
-    return (f"| `{first.code.name}` | {cases} | {first.kind} | {means[:1].upper()}{means[1:]} | "
-            f"{_shown(first.do)} |")
+    return f"`{first.code.name}`", cases, first.kind, means[:1].upper() + means[1:], _shown(first.do)
 
 
-def _code_row(code: Code) -> str:
+def _code_row(code: Code) -> tuple[str, ...]:
     text = _shown(code.text)
     more = ", ".join(f"`{name}{OPTIONAL if unit.endswith(OPTIONAL) else ''}`" for name, unit in code.params.items()
                      if unit.endswith(OPTIONAL) or f"‹{name}›" not in text)
-    return f"| `{code.name}` | {text} | {more} |"
+    return f"`{code.name}`", text, more
 
 
 def _shown(template: str) -> str:
     """A template for people: each field as its name in angle brackets, and what stands around it."""
-    return "".join(literal + ("" if name is None else _field(name, spec or ""))
-                   for literal, name, spec, _ in Formatter().parse(template))
-
-
-def _field(name: str, spec: str) -> str:
-    return spec.replace(NESTED, f"‹{name}›") if NESTED in spec else f"‹{name}›"
+    return "".join(literal + ("" if name is None else (spec if spec and NESTED in spec else NESTED).replace(
+        NESTED, f"‹{name}›")) for literal, name, spec, _ in Formatter().parse(template))
 
 
 # --- terms
 
-TERMS_BEGIN, TERMS_END = "<!-- generated: tables of terms -->", "<!-- end of the generated tables -->"
 TERMS_HEAD = ("term", "law", "parameter", "unit", "meaning", "believed before any data", "moves a shot",
-        "needs in the data", "measured with")
+              "needs in the data", "measured with")
 
 
 def term_tables(terms: Iterable[Term] = BUILT_IN) -> str:
     """A table for each stage, terms in the order in which they act, a row for each parameter."""
-    lines: list[str] = []
-    for stage in STAGES:
-        lines += [f"### {stage.capitalize()}", "", _row(TERMS_HEAD), _row(["---"] * len(TERMS_HEAD))]
-        lines += [_row(row) for term in terms if term.stage == stage for row in _rows(term)] + [""]
-    return "\n".join(lines)
-
-
-def put_terms(page: str) -> str:
-    """The page with the tables of the built-in terms between its marks; ValueError where it lacks one."""
-    before, begin, rest = page.partition(TERMS_BEGIN)
-    _, end, after = rest.partition(TERMS_END)
-    if not begin or not end:
-        raise ValueError(f"the page lacks {TERMS_BEGIN} or {TERMS_END}")
-    return f"{before}{TERMS_BEGIN}\n\n{term_tables()}\n{TERMS_END}{after}"
+    return "\n\n".join(f"### {stage.capitalize()}\n\n" + make_markdown(TERMS_HEAD, (
+        [" ".join(cell.split()).replace("|", "\\|") for cell in row]
+        for term in terms if term.stage == stage for row in _rows(term))) for stage in STAGES)
 
 
 def _rows(term: Term) -> Iterator[list[str]]:
@@ -220,28 +178,30 @@ def _prior(one: Parameter) -> str:
     return f"{one.prior.centre:g} ± {one.prior.sd:g} ({one.prior.scale}): {one.prior.reason}"
 
 
-def _row(cells: Iterable[str]) -> str:
-    return "| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |"
-
-
 # --- measured results
 
 DOCS = ROOT / "docs"
 MEASURED = DOCS / "measured"
 KEPT = MEASURED / "results"
 PRINTED = KEPT / "printed.txt"
-MARKS = re.compile(r"(<!-- result: (\w+)(?:: (.+?))? -->\n).*?(<!-- end -->)", re.DOTALL)
+MARKS = re.compile(r"(<!-- (?:made|result): (\w+)(?:: (.+?))? -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def demo() -> str:
     """Threes before and after adoption, over the seeds of the demo."""
     said = demo_seeds.make_table(list(lines_of(MEASURED / "demo_seeds-6000.jsonl.xz")))
-    return f"\n```text\n{said.partition(chr(10) + 'threes before -> after')[0]}\n```\n"
+    return f"```text\n{said.partition(chr(10) + 'threes before -> after')[0]}\n```"
+
+
+@cache
+def load_sealed() -> list[Packed]:
+    """All sealed rounds, by level."""
+    return sorted(map(load, sorted((MEASURED / "sealed").glob("*.tar.xz"))), key=lambda one: one.setting)
 
 
 def sealed() -> str:
     """Targets of the posterior at each level of data, side by side; bold where a target is missed."""
-    rounds = sorted(map(load, sorted((MEASURED / "sealed").glob("*.tar.xz"))), key=lambda one: one.setting)
+    rounds = load_sealed()
     levels = {setting[0]: posterior_rows([one.first for packed in group for one in packed.graded])
               for setting, group in itertools.groupby(rounds, key=lambda one: one.setting)}
     rows: dict[str, list[str]] = {}
@@ -250,44 +210,37 @@ def sealed() -> str:
             here = re.sub(r" \([^)]*-[^)]*\)", "", here)
             here = f"**{here}**" if reached.startswith("NOT") else here
             rows.setdefault(figure, []).append(f"{here} ({wanted})" if wanted != "-" else here)
-    return "\n" + make_markdown(("figure (wanted)", *levels), [[figure, *here] for figure, here in rows.items()]) + "\n"
+    return make_markdown(("figure (wanted)", *levels), [[figure, *here] for figure, here in rows.items()])
 
 
 def rivals() -> str:
     """What other methods say of the round that they were put to."""
     marks = [one.first for one in load(MEASURED / "sealed" / "L2d.tar.xz").graded]
     table = next(one for one in make_tables(marks) if one.title.startswith("Beside others"))
-    return f"\n{make_markdown(table.header[:-1], [row[:-1] for row in table.rows])}\n"
+    return make_markdown(table.header[:-1], [row[:-1] for row in table.rows])
 
 
 def fault_kinds() -> str:
     """Faults by kind: how soon the slowest of each kind is a HOLD."""
-    kinds: dict[str, list[Result]] = {}
-    for result in fault_matrix.load(KEPT / "fault_matrix.jsonl.xz"):
-        kinds.setdefault(result.family, []).append(result)
-    rows = []
-    for kind, mine in kinds.items():
-        held = [one.hold_s for one in mine if one.outcome == "HOLD" and one.hold_s is not None]
-        rows.append((kind, str(len({one.fault for one in mine})), f"{max(held):.2f}" if held else "-"))
-    every = [one for mine in kinds.values() for one in mine]
-    wrong = sum(bool(one.wrong) for one in every)
-    fires, stale = (sum(getattr(one, name) for one in every) for name in ("fires", "stale"))
-    return ("\n`python -m benchmarks.fault_matrix --bus virtual,slcan --out FILE`, commit 2b58f989, 2026-11-28:\n\n"
-            f"{len({one.fault for one in every})} faults, {len(every)} runs, {wrong} of them not as stated; "
-            f"{fires} ticks fired, {stale} of these on a reading that was too old.\n\n"
-            + make_markdown(("kind", "faults", "slowest HOLD, s"), rows) + "\n")
+    told = fault_matrix.make_table(fault_matrix.load(KEPT / "fault_matrix.jsonl.xz"))
+    command = "python -m benchmarks.fault_matrix --bus virtual,slcan --out FILE"
+    return f"`{command}`, commit 2b58f989, 2026-11-28:\n\n{told}"
 
 
-RESULTS: dict[str, Callable[[], str]] = {"demo": demo, "faults": fault_kinds, "rivals": rivals, "sealed": sealed}
+MADE: dict[str, Callable[[], str]] = {
+    "commands": commands, "functions": functions, "classes": classes, "launcher": formats.launcher,
+    "limits": formats.limits, "documents": formats.documents, "messages": messages, "codes": codes,
+    "terms": term_tables, "demo": demo, "faults": fault_kinds, "rivals": rivals, "sealed": sealed,
+    "rounds": lambda: tell_posteriors(load_sealed())}
 
 
-def fill(page: str) -> str:
-    """Return a page with every result between its marks brought up to date."""
-    return MARKS.sub(lambda found: f"{found[1]}{_result(found[2], found[3])}{found[4]}", page)
+def fill(path: Path) -> str:
+    """A page with all between its marks brought up to date."""
+    def make(found: re.Match[str]) -> str:
+        made = MADE[found[2]]() if found[2] in MADE else show(load_printed()[found[2]], found[3])
+        return f"{found[1]}\n{made.strip(chr(10))}\n{found[4]}"
 
-
-def _result(name: str, pattern: str | None) -> str:
-    return RESULTS[name]() if name in RESULTS else show(load_printed()[name], pattern)
+    return MARKS.sub(make, path.read_text(encoding="utf-8"))
 
 
 def load_printed() -> dict[str, str]:
@@ -303,7 +256,7 @@ def show(kept: str, pattern: str | None = None) -> str:
     lines = [line for line in printed.splitlines() if pattern is None or not line or re.search(pattern, line)]
     body = re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n")
     markdown = re.search(r"^\|---", body, re.MULTILINE)
-    return f"\n`{command}`, {made}:\n\n" + (f"{body}\n" if markdown else f"```text\n{body}\n```\n")
+    return f"`{command}`, {made}:\n\n" + (body if markdown else f"```text\n{body}\n```")
 
 
 def keep(name: str, command: str) -> None:
@@ -325,14 +278,17 @@ def keep(name: str, command: str) -> None:
 
 # --- all of them: what a name stands for, as {path: text}
 
+def _reference(*names: str) -> dict[Path, str]:
+    return {path: fill(path) for path in (REFERENCE / f"{name}.md" for name in names)}
+
+
 PAGES: dict[str, Callable[[], dict[Path, str]]] = {
-    "reference": lambda: {REFERENCE / "commands.md": commands_page(), REFERENCE / "python-api.md": api_page()},
-    "formats": lambda: {REFERENCE / "formats.md": formats.make_page(), **{
+    "reference": lambda: _reference("commands", "python-api"),
+    "formats": lambda: {**_reference("formats"), **{
         SCHEMAS / f"{one}.json": json.dumps(formats.make_schema(one), indent=1) + "\n" for one in formats.DOCUMENTS}},
-    "reasons": lambda: {REFERENCE / "reasons.md": reasons_page()},
-    "terms": lambda: {REFERENCE / "terms.md": put_terms((REFERENCE / "terms.md").read_text(encoding="utf-8"))},
-    "measured": lambda: {path: fill(page) for path in DOCS.rglob("*.md")
-                         if MARKS.search(page := path.read_text(encoding="utf-8"))},
+    "reasons": lambda: _reference("reasons"), "terms": lambda: _reference("terms"),
+    "measured": lambda: {path: fill(path) for path in DOCS.rglob("*.md")
+                         if "<!-- result: " in path.read_text(encoding="utf-8")},
 }
 
 

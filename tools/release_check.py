@@ -26,7 +26,7 @@ UV = HOME / "tools" / "bin" / "uv"
 # of uv's names: what a wheel must run on; which parts have wheels there: [sim], truearc-frc
 PLATFORMS = {"x86_64-pc-windows-msvc": "sim,frc", "aarch64-apple-darwin": "sim,frc", "x86_64-manylinux_2_35": "sim,frc",
              "aarch64-manylinux_2_35": "sim,frc", "aarch64-manylinux_2_31": "sim"}
-READ_LOG = ("import truearc_frc.wpilog_log, truearc_frc.keys, ntcore; "
+READ_LOG = ("import truearc_frc.wpilog, truearc_frc.keys, ntcore; "
             "ntcore.NetworkTableInstance.create().startClient4('truearc')")
 IMPORTS = "import truearc, truearc.robot.tick, truearc.hw.codec, importlib.metadata as m; print(m.version('truearc'))"
 

@@ -1,11 +1,11 @@
-"""Aim a ball launcher, forecast its shots, and find the physics that its simulation lacks.
+"""Aim a ball launcher, forecast its shots, and find physics that its simulation lacks.
 
     import truearc as ta
     week = ta.load_dataset("data/week")
     found = ta.discover(week, seed=0)
     print(found)
 
-Every name is imported when it is first used: `import truearc` itself loads no NumPy and no JAX.
+Each name is imported on first use: `import truearc` itself loads neither NumPy nor JAX.
 """
 
 import ast

@@ -14,7 +14,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import dataset, load_dataset, load_rig, save_dataset
-from truearc.sim.data.importers.any_team import import_shots
+from truearc.sim.data.import_shots import import_shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.infer.belief import Belief, load_belief
 from truearc.sim.physics.catalogue import catalogue

@@ -1,6 +1,6 @@
-"""The errors of wrong input and of plug-ins; readers and writers of text and TOML that name file, line and key.
+"""Errors for wrong input and plug-ins; readers and writers of text and TOML that report file, line and key.
 
-All other modules may import this one, which imports nothing of truearc.
+Every module may import this one, which imports nothing from truearc.
 """
 
 import csv
@@ -37,7 +37,7 @@ StructOf = Callable[[Any, Any], Any]
 
 
 class InputError(Exception):
-    """The user's file or option is wrong; the message names file, line, key or frame. Commands end with exit code 2."""
+    """Error in the user's file or option; the message names file, line, key or frame. Commands end with exit code 2."""
 
 
 # --- reading

@@ -16,8 +16,7 @@ from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkSettings
 from truearc.hw.devices.spark.frames import CONTROLLER_HEARTBEAT
-from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.serial_link import Cable, SlcanAdapter, open_cable
+from truearc.hw.emulated.serial_link import Cable, PtyCable, SlcanAdapter, open_cable
 from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
 
@@ -31,7 +30,6 @@ class CrookedCable:
     """A cable that may carry less than it is given, or more."""
 
     def __init__(self, cable: Cable) -> None:
-        self.port = cable.port
         self.what = ""
         self._cable = cable
 
@@ -41,11 +39,8 @@ class CrookedCable:
         lines = {"all twice": data + data, "half lines": data[:7]}
         return self._cable.write(lines.get(self.what, data))
 
-    def read(self) -> bytes:
-        return self._cable.read()
-
-    def close(self) -> None:
-        self._cable.close()
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cable, name)
 
 
 class BrokenBox:

@@ -9,9 +9,9 @@ import numpy as np
 from truearc.hw.emulated.camera import NOTHING, Image, Stage, outline_m, project
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
-from truearc.hw.real.camera import CameraThread
+from truearc.hw.real.wires import CameraThread
 from truearc.robot.config.schema import CameraConfig, Config, Tape
-from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc.sim.world.emulated_robot import make_lens, make_tape
 from truearc_proof.world.camera_damage import StagedCamera, floor_reflection, place, second_goal
 
 LENS_M = 4.2                          # from lens to target: 4.0 m from the ball's exit
@@ -32,7 +32,7 @@ def draw(scene: str, camera: CameraConfig, tape: Tape) -> tuple[Image, ...]:
     lens, shape = make_lens(camera), make_tape(tape)
     rise_m = tape.centre_height_m - camera.height_m
     view = place(NEAR_M if scene == "elsewhere" else LENS_M, rise_m, camera.pitch_deg)
-    staged = StagedCamera(Stage(NOTHING if scene == "black" else view), lens, shape, camera.fps, 0.0, 1)
+    staged = StagedCamera(Stage(NOTHING if scene == "black" else view), lens, shape, 1)
     staged.black(scene == "black")
     corners, _ = project(outline_m(shape), view.camera_from_target, lens)
     if scene == "two targets":
@@ -102,7 +102,7 @@ def stamp(now_ns: int, trouble: str, scenery: Scenery) -> int:
 
 
 class Capture:
-    """As much of cv2.VideoCapture as truearc.hw.real.camera reads: waits for each image."""
+    """As much of cv2.VideoCapture as truearc.hw.real.wires reads: waits for each image."""
 
     def __init__(self, scenery: Scenery, fps: float, clock: Clock) -> None:
         self._scenery, self._clock, self._period_s = scenery, clock, 1.0 / fps

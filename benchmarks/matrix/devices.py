@@ -45,15 +45,33 @@ class Seen(msgspec.Struct):
     idle_ns: int = 0                              # the first time since the fault that no motor was driven
 
 
-class FarSide:
-    """Call `advance` as time goes on until `over`; `now_ns` tells the run's clock."""
+class Side:
+    """The devices' end of a run; call `advance` as time goes on until `over`."""
+
+    heard = False                     # anything of the robot
+    _span: Span
+    _twin: Twin
+
+    def advance(self, t_ns: int) -> None:
+        """Bring the world, the devices and the driver to `t_ns`."""
+        self._twin.advance(t_ns)
+
+    @property
+    def over(self) -> bool:
+        return self._span.over_ns > 0
+
+    def _listen(self, frame: object, sent: bool) -> None:
+        self.heard = self.heard or not sent
+
+
+class FarSide(Side):
+    """A launcher that fires, and something that breaks; `now_ns` tells the run's clock."""
 
     def __init__(self, config: Config, row: Row, arms: int, wire: FarWire, box: BrokenBox, span: Span,
                  now_ns: Callable[[], int], watchdog_ms: int = WATCHDOG_MS) -> None:
         """`arms`: how often the driver presses that button once the fault is over. With a span that has begun these
         devices take the place of others, whose driver had armed."""
         self.seen = Seen()
-        self.heard = False
         self._config, self._arms = config, arms
         self._breaking, self._lasts_ns, self._is_first = row.breaking, round(row.lasts_s * 1e9), row.first
         self._wire, self._box, self._span, self._now_ns = wire, box, span, now_ns
@@ -73,21 +91,13 @@ class FarSide:
             self._break(0)
 
     def advance(self, t_ns: int) -> None:
-        """Bring the world, the devices and the driver to `t_ns`."""
         if self._span.stands() and isinstance(self._breaking, Wire):
             self._wire.chatter(t_ns)
-        self._twin.advance(t_ns)
+        super().advance(t_ns)
         self._note()
-
-    @property
-    def over(self) -> bool:
-        return self._span.over_ns > 0
 
     def save(self, path: Path) -> None:
         path.write_bytes(msgspec.json.encode(self.seen))
-
-    def _listen(self, frame: object, sent: bool) -> None:
-        self.heard = self.heard or not sent
 
     def _note(self) -> None:
         for ball in self._plant.balls[len(self.seen.balls):]:
@@ -337,5 +347,3 @@ class AdvisedPlant(SmallPlant):
     def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
         wheel_nm, hood_nm, feeder_nm = self._advice()
         super().advance(t_ns, dict(zip(self.motors, (wheel_nm, wheel_nm, hood_nm, feeder_nm), strict=True)))
-
-

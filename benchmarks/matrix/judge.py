@@ -1,11 +1,10 @@
-"""Whether a run went as its row says, from what is on disk alone, and the table of all runs.
+"""Whether a run went as its row says, from what is on disk alone.
 
 How old readings were when the robot fired is computed again, from the raw frames of can0.log.
 """
 
 import re
 from bisect import bisect_right
-from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -13,23 +12,18 @@ from msgspec import Struct
 
 from benchmarks.matrix.devices import Seen
 from benchmarks.matrix.fault import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Key, Motion, Row, find
-from benchmarks.matrix.keys import judge_keys
+from benchmarks.matrix.keys import judge_keys, replays
 from benchmarks.matrix.motion import judge_motion
 from benchmarks.matrix.play import AIM, ends_robot, make_config
 from benchmarks.matrix.robot_side import AnswersAgain, RobotSide
-from benchmarks.matrix.rows import ROWS
 from benchmarks.matrix.run import Span, needed_frames, with_launcher
 from truearc.errors import InputError
 from truearc.robot.config.schema import Config, read_axis
 from truearc.robot.reasons import text, texts
 from truearc.robot.recording.files import parse_candump
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay import Comparer, Difference, RecordedRows
 from truearc.robot.recording.session import CAN, load_trials
-from truearc.robot.rig import ReplayRig
-from truearc.robot.runtime import run
 from truearc.robot.types import Tick
-from truearc_proof.table import make_markdown
 
 NS = 1e-9
 GRACE_S = 0.2                         # in real time, for a machine that is shared
@@ -51,7 +45,6 @@ class Result(Struct):
     after: str = ""
     recovery_s: float | None = None   # from the fault's end, or from arming again, to the next FIRE
     fires: int = 0                    # verdicts, in all
-    ticks: int = 0
     stale: int = 0                    # FIRE with a required reading that was too old, by the raw frames
     wrong: list[str] = []
     tries: int = 1
@@ -80,7 +73,7 @@ def judge(row: Row, bus: str, stepped: bool, folder: Path, said: str) -> Result:
     except (InputError, OSError, msgspec.DecodeError) as error:
         result.wrong.append(str(error))
         return result
-    result.ticks, result.fires = len(ticks), sum(tick.verdict.fire for tick in ticks)
+    result.fires = sum(tick.verdict.fire for tick in ticks)
     if not span.begin_ns:
         result.wrong.append(f"was never ready to fire: {texts(ticks[-1].verdict.reasons) if ticks else ''}")
         return result
@@ -200,57 +193,5 @@ def _judge_recording(row: Row, result: Result, folder: Path, ticks: list[Tick]) 
         answers = side.answers
         if side.failed and not ends_robot(row.breaking):
             result.wrong.append(f"the recording failed: {side.failed}")
-    rows = RecordedRows(TickReader(session))
     config = msgspec.json.decode((session / "config.json").read_bytes(), type=Config, dec_hook=read_axis)
-    try:
-        run(ReplayRig(rows), config, None if answers is None else AnswersAgain(answers), Comparer(rows))
-    except Difference as difference:
-        result.wrong.append(f"replays otherwise: {difference}")
-
-
-BUSES = ("virtual", "slcan", "socketcan")
-
-
-def make_table(results: Sequence[Result]) -> str:
-    """Markdown. A cell: seconds from the fault to its HOLD / from its end (or from arming again) to the next FIRE."""
-    cells = {(result.fault, result.bus): result for result in results}
-    lines = []
-    for row in ROWS:
-        found = [cells.get((row.name, bus)) for bus in BUSES]
-        some = next((result for result in found if result is not None), None)
-        if some is None:
-            continue
-        reason = f"HOLD: {some.reason}" if some.outcome == "HOLD" and some.reason else some.outcome
-        if some.outcome == "fires on" and some.reason:
-            reason = f"fires on; {some.reason}"
-        bound = f"{row.within_s:.2f} s" if row.within_s and row.after not in (KEEPS, REFUSED) else ""
-        lines.append([row.name, _short(reason), bound, *map(_cell, found), row.after])
-    header = ("fault", "comes to", "at most", *BUSES, "fires again")
-    return "\n".join([make_markdown(header, lines), "", _summary(results)])
-
-
-def _cell(result: Result | None) -> str:
-    if result is None:
-        return "-"
-    if result.wrong:
-        return f"WRONG: {_short('; '.join(result.wrong))}"
-    held = "" if result.hold_s is None or result.outcome == "fires on" else f"{result.hold_s:.3f}"
-    again = "" if result.recovery_s is None else f"{result.recovery_s:.2f}"
-    return " / ".join(part for part in (held, again) if part) or "ok"
-
-
-def _short(words: str) -> str:
-    words = words.replace("|", "/").replace("\n", " ")
-    return words if len(words) <= 90 else words[:87] + "..."
-
-
-def _summary(results: Sequence[Result]) -> str:
-    faults = {result.fault for result in results}
-    wrong = sum(bool(result.wrong) for result in results)
-    ticks, fires, stale = (sum(getattr(result, name) for result in results) for name in ("ticks", "fires", "stale"))
-    again = sum(result.tries > 1 for result in results)
-    return (f"{len(faults)} faults, {len(results)} runs, {wrong} of them not as they should be; {ticks} ticks, {fires} "
-            f"of them FIRE, {stale} of these on a reading that was too old. {again} runs in real time were played "
-            "again, because the machine had stalled.")
-
-
+    result.wrong += replays(session, config, None if answers is None else AnswersAgain(answers))

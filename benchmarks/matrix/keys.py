@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -16,7 +17,7 @@ from msgspec.structs import replace
 from benchmarks.matrix.fault import Key, Row, find
 from truearc.cli.common import SHIPPED
 from truearc.hw.emulated.nodes import StepClock
-from truearc.robot.advice import POLICY, step
+from truearc.robot.advice import ADVICE, advise_step
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import ShotMap, Signal
 from truearc.robot.gate import Rating
@@ -28,10 +29,9 @@ from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import run
 from truearc_frc.advice import AdviceIo
-from truearc_frc.camera import NtCamera
+from truearc_frc.inputs import NtCamera, NtVelocity
 from truearc_frc.keys import Reading
 from truearc_frc.table import Nt4, Nt4Velocity, Nt4Vision, nt4_of, with_nt4
-from truearc_frc.velocity import NtVelocity
 
 NS = 1_000_000_000
 HZ, FRESH_S, BEGIN_S, AFTER_S = 50, 0.25, 1.0, 2.0
@@ -55,16 +55,8 @@ JUMP = 1.5                            # times as large, or m/s or rad more, is a
 JUMPS = {"/Battery": 0.5}             # no battery has 1.5 times as much
 
 
-class Agrees:
-    """A gate that agrees with everything."""
-
-    sha256 = "0" * 64
-
-    def rate(self, distance_m: float, motor_ratio: float, hood_deg: float) -> Rating:
-        return Rating(0.9, 0.9, True, 0.0)
-
-
-AGREES: Any = Agrees()
+# A gate that agrees with everything
+AGREES: Any = SimpleNamespace(sha256="0" * 64, rate=lambda *settings: Rating(0.9, 0.9, True, 0.0))
 
 
 class Robot:
@@ -132,9 +124,9 @@ def play_keys(row: Row, trouble: Key, folder: Path) -> None:
     rig = AdviceIo(config, MAP, robot, clock, lambda: clock.now_ns() >= end_ns + AFTER_S * NS, 0.05,
                    NtCamera(config, robot, clock) if nt4.vision else None,
                    NtVelocity(config, robot, clock) if nt4.velocity else None)
-    header = replace(make_header(config, None, None), policy=POLICY)
+    header = replace(make_header(config, None, None), policy=ADVICE)
     recorder = SessionWriter(folder / "session", header, config, None, lossless=True)
-    run(rig, config, AGREES, recorder, step)
+    run(rig, config, AGREES, recorder, advise_step)
     recorder.close()
     (folder / "keys.json").write_bytes(msgspec.json.encode((begin_ns, end_ns)))
 
@@ -144,7 +136,7 @@ def judge_keys(row: Row, trouble: Key, folder: Path, result: Any) -> None:
     ticks = [tick for tick, _ in TickReader(folder / "session")]
     begin_ns, end_ns = msgspec.json.decode((folder / "keys.json").read_bytes(), type=tuple[int, int])
     fires = [tick.inputs.t_ns for tick in ticks if tick.verdict.fire]
-    result.ticks, result.fires, result.outcome = len(ticks), len(fires), "HOLD"
+    result.fires, result.outcome = len(fires), "HOLD"
     if not any(t_ns < begin_ns for t_ns in fires):
         result.wrong.append("had not fired before")
     result.stale = sum(begin_ns + round(row.within_s * NS) < t_ns < end_ns for t_ns in fires)
@@ -160,13 +152,14 @@ def judge_keys(row: Row, trouble: Key, folder: Path, result: Any) -> None:
     result.recovery_s = None if again is None else (again - end_ns) / NS
     if again is None:
         result.wrong.append("never fired again")
-    _judge_replay(trouble, folder, result)
+    result.wrong += replays(folder / "session", make_config(trouble), AGREES, partial(advise_step, aims={}))
 
 
-def _judge_replay(trouble: Key, folder: Path, result: Any) -> None:
-    rows = RecordedRows(TickReader(folder / "session"))
+def replays(session: Path, config: Config, gate: Any, *step: Any) -> list[str]:
+    """A sentence where it replays otherwise."""
+    rows = RecordedRows(TickReader(session))
     try:
-        run(ReplayRig(rows), make_config(trouble), AGREES, Comparer(rows), partial(step, aims={}))
+        run(ReplayRig(rows), config, gate, Comparer(rows), *step)
     except Difference as difference:
-        result.wrong.append(f"replays otherwise: {difference}")
-
+        return [f"replays otherwise: {difference}"]
+    return []

@@ -15,13 +15,14 @@ import numpy.typing as npt
 from msgspec.structs import replace
 
 from benchmarks.matrix.broken import BrokenBox, FarWire
+from benchmarks.matrix.devices import Side
 from benchmarks.matrix.fault import ITSELF, REARM, Motion, Row
 from benchmarks.matrix.rows import CODES, EITHER
 from benchmarks.matrix.run import Span, frame_id, is_odrive, with_launcher
 from truearc.cli.common import SHIPPED
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.canandmag import frame_id as encoder_id
-from truearc.hw.devices.motor_encoder import NoEncoder
+from truearc.hw.devices.registry import NoEncoder
 from truearc.hw.emulated.nodes import MotorTruth, Node, Twin
 from truearc.hw.protocols import CameraFrame, Clock, Frame
 from truearc.hw.reason import FAULT, Reason
@@ -99,8 +100,8 @@ def make_motion_config(row: Row, motion: Motion) -> Config:
     return with_launcher(config, row.launcher)
 
 
-class MotionSide:
-    """As FarSide: the devices, the plant and the driver; call `advance` as time goes on until `over`."""
+class MotionSide(Side):
+    """What moves, something wrong with it, and the driver; `now_ns` tells the run's clock."""
 
     def __init__(self, config: Config, row: Row, wire: FarWire, box: BrokenBox, span: Span,
                  now_ns: Callable[[], int]) -> None:
@@ -115,28 +116,18 @@ class MotionSide:
         self._endstop = self._nodes["hood"].node._endstop if self._motion.what == NO_ANSWER else None
         self._twin = Twin(self._world, TappedBus(wire, self._listen), tuple(self._nodes.values()),
                           (box.step, self._drive))
-        self._heard = self._is_driven = False
+        self._is_driven = False
         self._began_s = self._armed_s = self._near_s = 0.0
         self._presses = 0             # of "arm", once it is over
-
-    def advance(self, t_ns: int) -> None:
-        self._twin.advance(t_ns)
-
-    @property
-    def over(self) -> bool:
-        return self._span.over_ns > 0
 
     def save(self, path: Path) -> None:
         path.write_bytes(msgspec.json.encode(self.moved))
         np.save(path.with_suffix(".npy"), self._world.log())
 
-    def _listen(self, frame: object, sent: bool) -> None:
-        self._heard = self._heard or not sent
-
     def _drive(self, t_ns: int) -> None:
         """The driver arms; then it goes wrong when it is time, ends, and the driver may arm again."""
         t_s, moved = t_ns * NS, self.moved
-        if not self._heard:
+        if not self.heard:
             return
         self._began_s = self._began_s or t_s
         self._is_driven = self._is_driven or any(self._world.lines[-1][1:4])
@@ -223,7 +214,6 @@ def judge_motion(row: Row, motion: Motion, folder: Path, result: Any, ticks: lis
     moved = msgspec.json.decode((folder / "devices.json").read_bytes(), type=Moved)
     log = np.load(folder / "devices.npy")
     late_s, result.bound_s = result.bound_s - row.within_s, row.within_s    # of the plant nothing is excused
-    result.ticks = len(ticks)
     if not moved.over_s:
         result.wrong.append("was never ready for it" if not moved.begin_s else "did not come to its end")
         return
@@ -450,7 +440,7 @@ class SickNode:
 
     def __init__(self, node: Node, reading_id: int, velocity_first: bool) -> None:
         """`reading_id`: of the frame with its reading. `velocity_first`: the order of that one's two floats."""
-        self.node, self.motor = node, node.motor
+        self.node = node
         self.true_ns = 0                          # when a true reading last left it
         self.deaf_to = -1                         # an id
         self._reading_id, self._velocity_first = reading_id, velocity_first
@@ -462,17 +452,8 @@ class SickNode:
         """From now on this is wrong with its frames: one of LOSSES, "stutters", or of change_reading; "" ends it."""
         self._what, self._since_ns, self._first = what, t_ns, None
 
-    def ids(self) -> tuple[tuple[int, bool], ...]:
-        return self.node.ids()
-
-    def due_ns(self) -> int:
-        return self.node.due_ns()
-
-    def torque_nm(self) -> float:
-        return self.node.torque_nm()
-
-    def restart(self, t_ns: int) -> None:
-        self.node.restart(t_ns)
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.node, name)
 
     def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
         is_lost = self._what == HALF_LOST and self._is_lost(-1 - frame.arbitration_id)
@@ -555,5 +536,3 @@ def torque_frame_id(config: Config, name: str) -> int:
     """Arbitration id of the frame that asks a motor for torque."""
     axis = (*config.axes.flywheels, config.axes.hood)[NAMES.index(name)]
     return frame_id(axis, "Set_Input_Torque" if is_odrive(axis) else "DUTY_CYCLE_SETPOINT")
-
-

@@ -27,7 +27,7 @@ from benchmarks.matrix.motion import ToldEyes
 from benchmarks.matrix.run import Span
 from truearc.cli.run_processes import CLOSE_S, RecorderProcess, make_see
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR
-from truearc.hw.protocols import NS_PER_S, Bus, CameraFrame, Clock, LinkLost, Stream
+from truearc.hw.protocols import NS_PER_S, Bus, Clock, LinkLost, Stream
 from truearc.hw.protocols import Camera as CameraLink
 from truearc.hw.real.can_bus import ROOM, WAIT_S, CanBus, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock
@@ -43,7 +43,7 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import Keeper, SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import Lateness, RobotIo, TimedRig, WatchedRig, run
-from truearc.robot.types import Command, Inputs, Sent
+from truearc.robot.types import Command, Sent
 
 SMALL_ROOM = 64                       # frames that may wait for the tick, where an overrun is wanted
 
@@ -54,15 +54,12 @@ class AdvisedRig:
     def __init__(self, rig: RobotIo, span: Span) -> None:
         self._rig, self._span = rig, span
 
-    def read(self) -> Inputs | None:
-        return self._rig.read()
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._rig, name)
 
     def write(self, command: Command) -> Sent:
         self._span.advise(command.flywheel_torque_nm, command.hood_torque_nm, command.feeder_torque_nm)
         return self._rig.write(command)
-
-    def picture(self) -> CameraFrame | None:
-        return self._rig.picture()
 
 
 class RobotSide(msgspec.Struct):
@@ -199,8 +196,8 @@ class FlakyBus:
             raise can.CanOperationError("Transmit buffer full", errno.ENOBUFS)
         self._bus.send(message, timeout)
 
-    def shutdown(self) -> None:
-        self._bus.shutdown()
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._bus, name)
 
     def _look(self) -> None:
         if self._what == "adapter out" and self._span.stands():
@@ -280,11 +277,8 @@ class _BadFile:
             raise OSError(errno.EROFS, os.strerror(errno.EROFS))
         return int(self._file.write(data))
 
-    def fileno(self) -> int:
-        return int(self._file.fileno())
-
-    def close(self) -> None:
-        self._file.close()
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
 
 
 def _wait_and(work: Callable[[Path, bool], None], folder: Path, span: Span, over: threading.Event) -> None:
@@ -381,5 +375,3 @@ def _make(last: str) -> bytes:
     weights = {"w": np.array([[0.1, 0.1], [-9.0, -9.0], [0.0, 0.0]]), "b": np.zeros(2), "n": np.zeros((3, 1)),
                "m": np.array([0.2])}
     return make_model([Part(nodes, weights)], BOX, {"k": 3}, {"seed": 3})
-
-

@@ -6,15 +6,16 @@ import os
 import struct
 import sys
 from collections.abc import Iterator
+from functools import partialmethod
 from pathlib import Path
 
 from msgspec.structs import replace
 
 from truearc.hw.codec import load_codec
 from truearc.hw.devices import canandmag
-from truearc.hw.devices.advisory import AdvisoryConfig
 from truearc.hw.devices.family import Axis
 from truearc.hw.devices.odrive.family import OdriveConfig
+from truearc.hw.devices.registry import AdvisoryConfig
 from truearc.hw.devices.spark.family import SparkConfig
 from truearc.robot.config.schema import Axes, Config
 
@@ -38,17 +39,9 @@ class Span:
         with path.open("r+b") as file:
             self._words = mmap.mmap(file.fileno(), WORDS.size + ADVICE.size)
 
-    def begin(self, t_ns: int) -> None:
-        struct.pack_into("<q", self._words, 0, t_ns)
-
-    def end(self, t_ns: int) -> None:
-        struct.pack_into("<q", self._words, 8, t_ns)
-
-    def rearm(self, t_ns: int) -> None:
-        struct.pack_into("<q", self._words, 16, t_ns)
-
-    def finish(self, t_ns: int) -> None:
-        struct.pack_into("<q", self._words, 24, t_ns)
+    begin, end, rearm, finish = (
+        partialmethod(lambda self, at, t_ns: struct.pack_into("<q", self._words, at, t_ns), at)
+        for at in range(0, 32, 8))
 
     def stands(self) -> bool:
         return self.begin_ns > 0 and self.end_ns == 0
@@ -64,9 +57,6 @@ class Span:
     def is_advised(self) -> bool:
         """Whether the robot has said anything yet; on the bus one that only advises never does."""
         return bool(ADVICE.unpack_from(self._words, WORDS.size)[0])
-
-
-
 
 
 WHEEL = SparkConfig(device=11, direction=1, has_endstop=False, stall_torque_nm=2.6, free_speed_rad_s=594.0,
@@ -137,5 +127,3 @@ def in_a_hurry() -> Iterator[None]:
         yield
     finally:
         os.sched_setscheduler(0, before, param)
-
-

@@ -1,8 +1,8 @@
-"""Advise beside a robot that drives itself: read its NetworkTables keys, publish what the gate says.
+"""Advise a robot that runs its own program: read its NetworkTables keys and publish the gate's verdict.
 
-It commands nothing. Every tick goes through the robot's own verdict code and is recorded; `truearc session replay
---check` computes it again. With --check it only looks at the keys and says in one line each how they are; exit 1 if
-any cannot be used.
+It sends no commands. Every tick uses the robot's own verdict code and is recorded; `truearc session replay --check`
+recomputes it. With --check it only examines the keys and prints one line on each; the exit code is 1 if any cannot be
+used.
 """
 
 import argparse

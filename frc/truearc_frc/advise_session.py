@@ -1,4 +1,4 @@
-"""One session of `truearc advise`: connects, records, and runs until a signal; or only looks at the keys."""
+"""The session of `truearc advise`: it connects and records until signalled, or only examines the keys."""
 
 import argparse
 import sys
@@ -14,8 +14,8 @@ from truearc.cli.doctor_checks import report
 from truearc.cli.run_robot import Ending, make_room
 from truearc.errors import InputError
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
-from truearc.robot.advice import POLICY, step
-from truearc.robot.aim_file import load_aim_for
+from truearc.robot.advice import ADVICE, advise_step
+from truearc.robot.aim_file import AimFile, load_aim_for
 from truearc.robot.config.rig_spec import Rig, rig_errors
 from truearc.robot.config.schema import AimConfig, Config, load_config, load_toml
 from truearc.robot.config.shot_map import ShotMap, as_signal, load_map
@@ -24,13 +24,11 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig
 from truearc.robot.runtime import run
-from truearc_frc.advice import AdviceIo, advised_columns
-from truearc_frc.camera import NtCamera, keys_of_camera
+from truearc_frc.advice import PATIENCE_S, AdviceIo, Adviser, advised_columns
 from truearc_frc.doctor import look_beside
+from truearc_frc.inputs import NtCamera, NtVelocity, keys_of_camera, keys_of_velocity
 from truearc_frc.keys import NtKeys
-from truearc_frc.publisher import PATIENCE_S, Adviser
 from truearc_frc.table import LISTEN_S, nt4_of
-from truearc_frc.velocity import NtVelocity, keys_of_velocity
 
 
 def check(args: argparse.Namespace) -> int:
@@ -45,17 +43,11 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
     config = advising(load_config(args.config), args)
     advised_columns(shot_map, config)             # refuses a map that lacks one, before there is a folder
     gate = load_gate(args.gate)
-    aim = args.aim.read_bytes() if args.aim else _aim_of(args.belief, config) if args.belief else None
+    aim, aims = _aim_of(args, config)
     started = wall_clock()
     folder = make_room(args.out, started)
     ending = Ending()
     with ExitStack() as wires:
-        aims = {}
-        if aim is not None:
-            with tempfile.TemporaryDirectory() as place:
-                path = Path(place) / "aim.json"
-                path.write_bytes(aim)
-                aims = {"": load_aim_for(path, config)}
         nt4 = nt4_of(config)
         seeing, driving = (nt4.vision, nt4.velocity) if nt4 else (None, None)
         keys = NtKeys(args.nt, [*keys_of(shot_map), *(keys_of_camera(seeing) if seeing else []),
@@ -66,7 +58,7 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
             file=sys.stderr, flush=True))
         wires.callback(watch.cancel)
         watch.start()
-        header = replace(make_header(config, gate, started, aims.get(""), wall_offset_ns()), policy=POLICY)
+        header = replace(make_header(config, gate, started, aims.get(""), wall_offset_ns()), policy=ADVICE)
         recorder = SessionWriter(folder, header, config, args.gate.read_bytes(), lossless=False, aim=aim)
         wires.callback(recorder.close)
         clock = MonotonicClock()
@@ -76,7 +68,7 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
         print(f"{args.nt}: {len(keys_of(shot_map))} keys of the map are read; advice is published under /truearc and "
               f"recorded in {folder}; Ctrl+C ends it", file=sys.stderr, flush=True)
         ticks = run(RecordingRig(rig, recorder.trouble), config, gate, Adviser(recorder, keys, config, gate),
-                    partial(step, aims=aims))
+                    partial(advise_step, aims=aims))
     if recorder.failed is not None:
         raise InputError(f"{folder}: the recording stopped: {recorder.failed}")
     return ticks, folder
@@ -107,11 +99,16 @@ def _load_rig(path: Path) -> Rig:
     return rig
 
 
-def _aim_of(belief: Path, config: Config) -> bytes:
-    """The aim file of a belief, for this rig."""
-    import truearc as ta
-    known = ta.load_belief(belief)
+def _aim_of(args: argparse.Namespace, config: Config) -> tuple[bytes | None, dict[str, AimFile]]:
+    """The aim file, its own or made of the belief for this rig, as bytes and as the tick takes it."""
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "aim.json"
-        ta.export_aim(ta.aim(known, config.rig), known, config.rig, path, note=belief.name)
-        return path.read_bytes()
+        if args.aim:
+            path.write_bytes(args.aim.read_bytes())
+        elif args.belief:
+            import truearc as ta
+            known = ta.load_belief(args.belief)
+            ta.export_aim(ta.aim(known, config.rig), known, config.rig, path, note=args.belief.name)
+        else:
+            return None, {}
+        return path.read_bytes(), {"": load_aim_for(path, config)}

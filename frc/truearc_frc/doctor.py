@@ -1,4 +1,4 @@
-"""The robot's NetworkTables as they were heard for a while: server, keys, clocks, a camera that sees tags."""
+"""Doctor checks of the robot's NetworkTables: server, keys, clocks, and a camera that sees tags."""
 
 import math
 from collections import Counter
@@ -12,10 +12,9 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import Config
 from truearc.robot.config.shot_map import ShotMap, as_signal
 from truearc_frc.advice import Scaled, scaled_columns
-from truearc_frc.camera import calibration_key, keys_of_camera
+from truearc_frc.inputs import calibration_key, keys_of_camera, keys_of_velocity
 from truearc_frc.keys import NtKeys, Reading
 from truearc_frc.table import LISTEN_S, nt4_of
-from truearc_frc.velocity import keys_of_velocity
 
 LOOK_NS = 10_000_000
 CONNECT_S = 5.0                       # for the library to find the server

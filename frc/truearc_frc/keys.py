@@ -1,12 +1,12 @@
-"""Keys of a robot's NetworkTables server, by WPILib's own library: values with stamps on our clock, and topics of ours.
+"""Keys of a robot's NetworkTables server through WPILib's library: values with local timestamps, and published topics.
 
-The library publishes a value when it changes, so a stamp is that of the newest change.
+The library publishes a value when it changes, so its timestamp is that of the latest change.
 """
 
 import math
 import struct
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import ntcore
 
@@ -28,6 +28,15 @@ class Reading(NamedTuple):
 
     t_ns: int
     value: float | str
+
+
+class Keys(Protocol):
+    """Where keys come from; nothing waits."""
+
+    @property
+    def connected(self) -> bool: ...
+
+    def read(self, now_ns: int) -> Mapping[str, Reading]: ...
 
 
 class NtKeys:

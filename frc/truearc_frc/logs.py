@@ -1,17 +1,17 @@
-"""WPILOG as a source of `truearc import`; what reads it is imported with the first file."""
+"""WPILOG as a source of `truearc import`. The reader is imported when the first file is read."""
 
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from truearc.sim.data.importers.registry import Importer
+from truearc.sim.data.importers import Importer
 
 if TYPE_CHECKING:
-    from truearc.sim.data.importers.series import Log
+    from truearc.sim.data.log import Log
 
 
 def _read(path: Path, progress: Callable[[float], None]) -> "Log":
-    from truearc_frc.wpilog_log import read_wpilog
+    from truearc_frc.wpilog import read_wpilog
     return read_wpilog(path, progress)
 
 

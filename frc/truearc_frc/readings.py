@@ -1,4 +1,4 @@
-"""[nt4] of launcher.toml as truearc reads another distribution's table: camera, velocity, angle, published advice."""
+"""The ReadingTable for [nt4] in launcher.toml: camera, velocity, angle and published advice."""
 
 from collections.abc import Iterable
 from contextlib import ExitStack
@@ -6,17 +6,15 @@ from pathlib import Path
 
 from truearc.hw.devices.family import Finding
 from truearc.hw.protocols import Clock
-from truearc.robot.config.reading_tables import ReadingTable
+from truearc.robot.config.named_tables import ReadingTable
 from truearc.robot.config.schema import Config
-from truearc.robot.readings import Layer, OwnEyes, Source
+from truearc.robot.eyes import Layer, OwnEyes, Source
 from truearc.robot.runtime import Screen
-from truearc_frc.camera import OwnNtCamera
+from truearc_frc.advice import NtPublisher
 from truearc_frc.doctor import look_at_server
-from truearc_frc.encoder import NT_ENCODER
+from truearc_frc.inputs import NT_ENCODER, OwnNtCamera, open_moving
 from truearc_frc.keys import NtKeys
-from truearc_frc.publisher import NtPublisher
 from truearc_frc.table import NAME, Nt4, nt4_errors, nt4_of
-from truearc_frc.velocity import open_moving
 
 
 class NtSource(Source):

@@ -1,4 +1,4 @@
-"""`[nt4]` of launcher.toml: the robot's NetworkTables server, and what is exchanged with it."""
+"""Schema of `[nt4]` in launcher.toml: the robot's NetworkTables server and the values exchanged with it."""
 
 import re
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from truearc.hw.devices.family import Positive
 from truearc.robot.config.limits import Limit, out_of_range
-from truearc.robot.config.reading_tables import stated
+from truearc.robot.config.named_tables import stated
 from truearc.robot.config.schema import Config
 
 TEAM = re.compile(r"0*([1-9][0-9]{0,3}|1[0-9]{4}|2[0-4][0-9]{3}|25[0-5][0-9]{2})")   # as 10.TE.AM.2 can say

@@ -1,1 +1,1 @@
-"""Device families: a file each, or a folder where the family has a DBC file."""
+"""Device families, one file each, or one folder if the family has a DBC file."""

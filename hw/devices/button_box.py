@@ -1,12 +1,12 @@
 r"""The operator's button box: a line protocol over a serial port.
 
     $B,<seq>,<button>*<crc>\r\n         one press
-    $H,<seq>*<crc>\r\n                  every 0.5 s: the box is there; <seq> is that of its newest press
+    $H,<seq>*<crc>\r\n                  every 0.5 s: heartbeat; <seq> is that of the newest press
 
-`<seq>` counts presses, decimal, 0-65535 and then 0 again, without leading zeros: a gap means lost presses, and the
-heartbeat shows it even when no further press comes. `<crc>` is CRC-8 (polynomial 0x07, start 0, as in SMBus) of
-the characters between `$` and `*`, two upper-case hexadecimal digits. Whatever does not match to the letter is refused.
-`docs/how-to/button-box.md` says the same to whoever builds a box.
+`<seq>` counts presses in decimal without leading zeros, from 0 to 65535 and then from 0 again. A gap means lost
+presses, which the heartbeat reveals even when no further press follows. `<crc>` is the CRC-8 (polynomial 0x07, start 0,
+as in SMBus) of the characters between `$` and `*`, as two upper-case hexadecimal digits. A line that does not match
+exactly is refused. `docs/how-to/button-box.md` describes the protocol for people who build a box.
 """
 
 import re

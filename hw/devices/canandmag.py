@@ -1,6 +1,6 @@
-"""Redux Canandmag absolute encoder: its frames, its emulator, and the EncoderFamily with table, bus rules and doctor.
+"""The Redux Canandmag absolute encoder: frames, emulator, and the EncoderFamily with table, bus rules and doctor.
 
-An arbitration id is 29 bits: that of device 0 plus the device's number.
+An arbitration id has 29 bits: the id for device 0 plus the device number.
 """
 
 import math
@@ -10,15 +10,12 @@ from typing import Annotated
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
-from truearc.hw.bus_rules import SHARE, Rules, allow_seldom, kinds_of
+from truearc.hw import bus_rules, fault_codes, reason
 from truearc.hw.codec import Values, load_codec
-from truearc.hw.devices import family
-from truearc.hw.devices.drivers import RoundTrip, older
+from truearc.hw.devices import drivers, family
 from truearc.hw.devices.family import CHECK, CanNode, Direction, Encoder, EncoderFamily, Finding, failure, ok, warning
 from truearc.hw.emulated.nodes import Plant, Report, ReportingNode, take_reports
-from truearc.hw.fault_codes import ERROR_ID_CONFLICT, FRAME_UNEXPECTED, PERIOD_RANGE
 from truearc.hw.protocols import NS_PER_MS, NS_PER_S, AngleReading, BadFrame, Frame
-from truearc.hw.reason import Reason
 
 MESSAGES = ("POSITION_OUTPUT", "STATUS")          # what becomes part of an AngleReading
 
@@ -60,7 +57,7 @@ def ids_sent_by(device: int, node: str) -> tuple[int, ...]:
 def make_position_period(device: int, period_ms: int) -> Frame:
     """Ask for an angle every `period_ms` (1-65535) until the next power-down."""
     if not 1 <= period_ms <= 65535:
-        raise BadFrame(PERIOD_RANGE(device=name_of(device), period_ms=period_ms))
+        raise BadFrame(fault_codes.PERIOD_RANGE(device=name_of(device), period_ms=period_ms))
     return make(device, "SET_SETTING", {"setting": POSITION_PERIOD_SETTING, "value": period_ms, "ephemeral": 1})
 
 
@@ -79,7 +76,7 @@ def parse(device: int, frame: Frame, previous: AngleReading | None) -> AngleRead
     codec = load_codec("canandmag")
     message = next((name for name in MESSAGES if codec.base_id(name) == frame.arbitration_id - device), None)
     if message is None:
-        raise BadFrame(FRAME_UNEXPECTED(device=name_of(device), frame=frame.name, wanted=MESSAGES))
+        raise BadFrame(fault_codes.FRAME_UNEXPECTED(device=name_of(device), frame=frame.name, wanted=MESSAGES))
     values = codec.parse_frame(message, frame, name_of(device))
     if message == "POSITION_OUTPUT":
         faults, faults_t_ns = (previous.faults, previous.faults_t_ns or 0) if previous is not None else (0, 0)
@@ -187,13 +184,13 @@ class CanandmagNode(ReportingNode):
 
 
 
-def make_rules(device: int, period_ms: int) -> Rules:
+def make_rules(device: int, period_ms: int) -> bus_rules.Rules:
     """`period_ms`: between angles, as the device is set at start; 0: nothing is sent, its cadence is another's."""
-    by_host, by_device = (kinds_of(ids_sent_by(device, node), True) for node in ("Host", "Encoder"))
+    by_host, by_device = (bus_rules.kinds_of(ids_sent_by(device, node), True) for node in ("Host", "Encoder"))
     if not period_ms:
-        return Rules((), by_host, by_device, {(frame_id(device, "STATUS"), True, False): STATUS_PERIOD_NS})
+        return bus_rules.Rules((), by_host, by_device, {(frame_id(device, "STATUS"), True, False): STATUS_PERIOD_NS})
     sent = [make_position_period(device, period_ms), make_period_query(device)]
-    return Rules(allow_seldom(sent), by_host, by_device,
+    return bus_rules.Rules(bus_rules.allow_seldom(sent), by_host, by_device,
                  {(frame_ids(device)[0], True, False): period_ms * NS_PER_MS})
 
 
@@ -213,7 +210,7 @@ def check_encoder(device: int, period_ms: int, longest_age_s: float, heard: fami
     if reading is None:
         return failure(CHECK, f"device {device} is silent", "look at its power and plug, and at its device number")
     statuses = len(heard.of(ids[1], extended=True))
-    if reading.faults & ID_CONFLICT or statuses > SHARE * heard.seconds * NS_PER_S / STATUS_PERIOD_NS + 1:
+    if reading.faults & ID_CONFLICT or statuses > bus_rules.SHARE * heard.seconds * NS_PER_S / STATUS_PERIOD_NS + 1:
         return failure(CHECK, f"two devices have number {device}", "give each a number of its own")
     if not reading.magnet_ok:
         return failure(CHECK, "cannot see its magnet", "look at the magnet on the hood's pivot and its distance")
@@ -248,7 +245,7 @@ class CanandmagEncoder(Encoder):
         self._unsent = (make_position_period(table.device, table.period_ms),) if table.period_ms else ()
         self._answer_id = frame_id(table.device, "REPORT_SETTING")
         self._question = make_period_query(table.device)
-        self._trip = RoundTrip(name_of(table.device)) if table.period_ms else None
+        self._trip = drivers.RoundTrip(name_of(table.device)) if table.period_ms else None
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         answers = () if self._trip is None else ((self._answer_id, True),)
@@ -261,9 +258,9 @@ class CanandmagEncoder(Encoder):
             load_codec("canandmag").parse_frame("REPORT_SETTING", frame, name_of(self._device))
             self.reading = family.aged(self.reading, self._trip.answered(frame.t_ns))
         else:
-            self.reading = self._parse(older(frame, self._trip.late_ns), self.reading)
+            self.reading = self._parse(drivers.older(frame, self._trip.late_ns), self.reading)
 
-    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+    def faults(self, t_ns: int) -> tuple[reason.Reason, ...]:
         return () if self._trip is None else family.trip_faults(self._trip, t_ns)
 
     def frames(self, t_ns: int) -> tuple[Frame, ...]:
@@ -274,9 +271,9 @@ class CanandmagEncoder(Encoder):
         return (*frames, self._question)
 
 
-def errors(table: CanandmagConfig, faults: int) -> tuple[Reason, ...]:
+def errors(table: CanandmagConfig, faults: int) -> tuple[reason.Reason, ...]:
     """Another with its number: the angle may be the other's."""
-    return (ERROR_ID_CONFLICT(),) if faults & ID_CONFLICT else ()
+    return (fault_codes.ERROR_ID_CONFLICT(),) if faults & ID_CONFLICT else ()
 
 
 CANANDMAG = EncoderFamily(

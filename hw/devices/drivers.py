@@ -1,7 +1,7 @@
-"""Parts that motor drivers share: listening to a motor, checks of its readings, torque to duty.
+"""What motor drivers share: receiving a motor's frames, checking its readings, converting torque to duty cycle.
 
-A reading is checked for plausibility (its speed and position go together) and for lateness (how long the device takes
-to answer a question). Drivers are given frames and times: there is no I/O and no clock here.
+Each reading is checked for plausibility (speed and position must be consistent) and for lateness (the time that the
+device takes to answer a request). Drivers receive frames and times as arguments, so they need no I/O and no clock.
 """
 
 import struct

@@ -1,4 +1,4 @@
-"""Declaration of a device family: its tables in launcher.toml, one MotorFamily or EncoderFamily value, its doctor."""
+"""How a device family declares itself: launcher.toml tables, a MotorFamily or EncoderFamily value, doctor checks."""
 
 import contextlib
 import math
@@ -11,12 +11,11 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
-from truearc.hw.bus_rules import Rules
+from truearc.hw import bus_rules, reason
 from truearc.hw.devices.drivers import LAG_S, MOVING_RAD_S, Agreement, RoundTrip, is_byte_swapped
 from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.fault_codes import BY_NAME
 from truearc.hw.protocols import NS_PER_S, AngleReading, BadFrame, Bus, Clock, Frame, Motor, MotorReading
-from truearc.hw.reason import Message, Reason, render
 
 # --- what one check found
 
@@ -206,7 +205,7 @@ def check_estimates(name: str, frames: Sequence[Frame],
             reading = parse(frame, reading)
             agreement.take(before, reading)
             if (fault := agreement.fault(name, reading)) is not None:
-                return failure(check, render(fault, BY_NAME), "look at the encoder, its plug and its settings")
+                return failure(check, reason.render(fault, BY_NAME), "look at the encoder, its plug and its settings")
     if abs(reading.velocity_rad_s) > MOVING_RAD_S:
         return warning(check, f"turns at {reading.velocity_rad_s:.0f} rad/s, and nothing drives it",
                        "check it at rest; a speed that stays is not its encoder's")
@@ -302,13 +301,13 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     dbc: Path | None
     is_commanded: bool
     make_motors: Callable[[Sequence[AxisKind], Sequence[Bounds]], Sequence[Motor]]
-    make_rules: Callable[[AxisKind, int], Rules]
-    errors: Callable[[AxisKind, MotorReading], tuple[Reason, ...]]
+    make_rules: Callable[[AxisKind, int], bus_rules.Rules]
+    errors: Callable[[AxisKind, MotorReading], tuple[reason.Reason, ...]]
     is_driven: Callable[[AxisKind, MotorReading], bool]
     questions: Callable[[AxisKind, Endpoints | None], Sequence[Frame]]
     examine: Callable[[AxisKind, AxisCheck, Heard], Iterable[Finding]]
     make_node: Callable[[AxisKind, AttachedMotor], Node]
-    messages: tuple[Message, ...] = ()
+    messages: tuple[reason.Message, ...] = ()
     signs_current: bool = True
     stored_settings: Callable[[AxisKind, Bounds, Endpoints], StoredSettings] | None = None
 
@@ -337,7 +336,7 @@ class Encoder:
         """Once a tick: the newest angle; None before the first."""
         return self.reading
 
-    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+    def faults(self, t_ns: int) -> tuple[reason.Reason, ...]:
         """Faults that the reading does not hold and that stand in the way of firing; of its device, about a "motor"."""
         return ()
 
@@ -354,7 +353,7 @@ def aged(reading: AngleReading | None, by_ns: int) -> AngleReading | None:
     return replace(reading, t_ns=reading.t_ns - by_ns, faults_t_ns=faults_t_ns)
 
 
-def trip_faults(trip: RoundTrip, t_ns: int) -> tuple[Reason, ...]:
+def trip_faults(trip: RoundTrip, t_ns: int) -> tuple[reason.Reason, ...]:
     """Once a tick: why the encoder may not be believed, as far as how late it comes tells."""
     trip.tick(t_ns)
     fault = trip.fault()
@@ -389,9 +388,9 @@ class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False)
     example: Table
     least_sigma_deg: float
     make: Callable[[Table, Around], Encoder]
-    make_rules: Callable[[Table, int], Sequence[Rules]]
+    make_rules: Callable[[Table, int], Sequence[bus_rules.Rules]]
     questions: Callable[[Table], Sequence[Frame]]
     examine: Callable[[Table, Around, Heard], Iterable[Finding]]
     make_node: Callable[[Table, Plant, Mapping[str, Node]], Node | None]
-    errors: Callable[[Table, int], Sequence[Reason]] = lambda table, faults: ()
+    errors: Callable[[Table, int], Sequence[reason.Reason]] = lambda table, faults: ()
     make_off_bus: Callable[[Table, Plant], Encoder] | None = None

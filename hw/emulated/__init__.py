@@ -1,1 +1,1 @@
-"""Emulated devices and wires for tests and the emulated robot."""
+"""Emulated devices and wires, for tests and the emulated robot."""

@@ -1,8 +1,8 @@
-"""The emulated camera: lens, picture of the retro-reflective half hexagon under a ring light, picture server.
+"""The emulated camera: its lens, its images of the retro-reflective half hexagon under a ring light, its image server.
 
-It shares no line with the code that sees. Work is done only where it has to be: the background (lights, reflections)
-once, noise from one tile shifted at random, the tape in the box around it: the share of each pixel that lies between
-its projected edges, blurred by the lens, with a halo, in the colours that photographs of the real one show. All
+It shares no code with the vision module. To save time, the background (lights, reflections) is drawn once, noise comes
+from one tile shifted at random, and the tape is drawn only within its bounding box: the share of each pixel that lies
+between the projected edges, blurred by the lens, with a halo, in the colours of photographs of real tape. All
 randomness comes from the seed.
 """
 

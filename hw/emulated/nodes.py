@@ -1,6 +1,6 @@
-"""Emulated devices on the CAN bus, the world that they ask, and the clock that advances both.
+"""Emulated devices on the CAN bus, the interface to the world that they measure, and the clock that advances both.
 
-`truearc.sim.world` implements `Plant`; the devices only quantise, delay and put on the wire.
+`truearc.sim.world` implements `Plant`; the devices only quantise values, delay them and put them on the wire.
 """
 
 from collections.abc import Callable, Mapping

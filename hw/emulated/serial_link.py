@@ -1,12 +1,20 @@
-"""The emulated ends of serial cables, and a serial CAN adapter at one of them."""
+"""Emulated serial cables, and an emulated serial CAN adapter at the end of one."""
 
 import contextlib
+import os
 import re
+import select
 import socket
+import struct
 from typing import Protocol
 
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import Reason
+
+with contextlib.suppress(ImportError):        # Windows has none of them
+    import fcntl
+    import termios
+    import tty
 
 CHUNK = 65536
 FULL = 65536                                      # unread bytes: the rest is lost
@@ -82,13 +90,62 @@ class SocketCable:
         self._reader, self._rest = None, b""
 
 
+WAIT_S = 0.0005                                   # between looks at whether the bytes have arrived
+LOOKS = 2000
+UNREAD = 2048                                     # bytes; the kernel holds twice that, and then waits
+
+
+class PtyCable:
+    """A pseudo-terminal. Its reading end is kept open too, so that the line stays raw and a late reader misses none.
+
+    `prompt`: what is written can be read when `write` returns; for a reader in the same thread, whose next tick must
+    see it every time. Otherwise the kernel carries it across in its own time.
+    """
+
+    def __init__(self, prompt: bool = True) -> None:
+        self._far, self._near = os.openpty()
+        tty.setraw(self._near)
+        os.set_blocking(self._far, False)
+        self._prompt, self._rest = prompt, b""
+        self.port = os.ttyname(self._near)
+
+    def write(self, data: bytes) -> bool:
+        waiting = self._waiting() if self._prompt else 0
+        if waiting > UNREAD or len(self._rest) > FULL:
+            return False                                    # unread for a long time: the line is lost
+        self._rest += data
+        sent = 0
+        with contextlib.suppress(BlockingIOError):
+            sent = os.write(self._far, self._rest)
+        self._rest = self._rest[sent:]
+        if self._prompt:
+            self._wait_for(waiting + sent)
+        return True
+
+    def read(self) -> bytes:
+        with contextlib.suppress(BlockingIOError):
+            return os.read(self._far, FULL)
+        return b""
+
+    def close(self) -> None:
+        os.close(self._far)
+        os.close(self._near)
+
+    def _wait_for(self, waiting: int) -> None:
+        for _ in range(LOOKS):
+            if self._waiting() >= waiting:
+                return
+            select.select([], [], [], WAIT_S)
+
+    def _waiting(self) -> int:
+        return int(struct.unpack("i", fcntl.ioctl(self._near, termios.FIONREAD, b"\0\0\0\0"))[0])
+
+
 def open_cable(prompt: bool) -> Cable:
     """A pseudo-terminal, or a loopback socket where the system has none to give; `prompt` as PtyCable has it."""
-    try:
-        from truearc.hw.emulated.pty_cable import PtyCable
+    with contextlib.suppress(AttributeError, NameError, OSError):       # Windows has neither openpty nor tty
         return PtyCable(prompt)
-    except (ImportError, OSError):                # ImportError: Windows
-        return SocketCable()
+    return SocketCable()
 
 
 # --- a CAN adapter

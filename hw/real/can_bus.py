@@ -1,8 +1,8 @@
-"""A CAN bus through python-can, and one that outlives its adapter.
+"""The CAN bus through python-can, with reconnection when the adapter is lost.
 
-`CanBus` speaks to socketcan, slcan, virtual and whatever else that library opens. `SupervisedBus` reads it with a
-thread of its own, and opens it again whenever it is lost. python-can's Notifier would not do: an exception in it ends
-its thread silently.
+`CanBus` uses socketcan, slcan, virtual or any other interface of that library. `SupervisedBus` reads the bus in a
+thread of its own, and reopens the bus whenever it is lost. python-can's Notifier is unsuitable: an exception in it
+silently ends its thread.
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""The only file that reads a clock; and pauses between attempts to bring something back."""
+"""The monotonic clock, the wall clock, and the pauses between retries."""
 
 import time
 from collections.abc import Iterator

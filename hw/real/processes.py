@@ -1,6 +1,6 @@
-"""Child processes, messages between them over a pair of sockets, and newest values in shared memory.
+"""Child processes, messages over socket pairs, and the newest values in shared memory.
 
-A child is started, watched and started again. Neither end of a connection ever waits for the other.
+A child process is started, supervised and restarted. Neither end of a connection ever waits for the other.
 """
 
 import ctypes
@@ -20,10 +20,8 @@ from zlib import crc32
 import numpy as np
 import numpy.typing as npt
 
-from truearc.hw.fault_codes import PIPE_CLOSED, PIPE_ENDED, PROCESS_ENDED, PROCESS_KILLED, PROCESS_STARTING
-from truearc.hw.protocols import LinkLost
+from truearc.hw import fault_codes, protocols, reason
 from truearc.hw.real.clock import make_pauses_s
-from truearc.hw.reason import Reason
 
 # --- a child
 
@@ -43,7 +41,7 @@ class Line:
     def __init__(self, connection: "Connection[Any, Any]") -> None:
         self._connection = connection
 
-    def say(self, why_not: Reason | None) -> None:
+    def say(self, why_not: reason.Reason | None) -> None:
         """Once: that it works, None, or why it cannot."""
         try:
             self._connection.send(why_not)
@@ -72,7 +70,7 @@ class Child:
 
     def __init__(self, name: str, work: Work, args: tuple[Any, ...], *, restarts: bool, mortal: bool) -> None:
         self.name = name
-        self.trouble: Reason | None = PROCESS_STARTING(process=name)
+        self.trouble: reason.Reason | None = fault_codes.PROCESS_STARTING(process=name)
         self.pid: int | None = None
         self.starts = 0
         self._work, self._args, self._restarts, self._mortal = work, args, restarts, mortal
@@ -87,7 +85,7 @@ class Child:
         """Until it works, the first time; LinkLost, saying why, when it cannot."""
         self._answered.wait()
         if self.trouble is not None:
-            raise LinkLost(self.trouble)
+            raise protocols.LinkLost(self.trouble)
 
     def is_gone(self) -> bool:
         """Whether it has ended for good."""
@@ -127,20 +125,20 @@ class Child:
             self._line, self._process, self.pid = ours, process, process.pid
         said = self._listen(ours)
         process.join()
-        if not isinstance(said, Reason):          # why it cannot says more
+        if not isinstance(said, reason.Reason):          # why it cannot says more
             code = process.exitcode or 0
-            self.trouble = (PROCESS_KILLED(process=self.name, signal=-code) if code < 0 else
-                            PROCESS_ENDED(process=self.name, exit_code=code))
+            self.trouble = (fault_codes.PROCESS_KILLED(process=self.name, signal=-code) if code < 0 else
+                            fault_codes.PROCESS_ENDED(process=self.name, exit_code=code))
         with self._lock:
             ours.close()
         return said == WORKS
 
-    def _listen(self, line: "Connection[Any, Any]") -> Reason | str | None:
+    def _listen(self, line: "Connection[Any, Any]") -> reason.Reason | str | None:
         """Its first word: WORKS, or its trouble; None when it has ended, or is to, without any."""
         try:
             while not self._over.is_set():
                 if line.poll(LOOK_S):
-                    said: Reason | None = line.recv()
+                    said: reason.Reason | None = line.recv()
                     self.trouble = said
                     self._answered.set()
                     return said or WORKS
@@ -221,9 +219,9 @@ class Inbox:
         except TimeoutError:
             return []
         except OSError as error:
-            raise LinkLost(PIPE_CLOSED(detail=str(error))) from error
+            raise protocols.LinkLost(fault_codes.PIPE_CLOSED(detail=str(error))) from error
         if not data:
-            raise LinkLost(PIPE_ENDED())
+            raise protocols.LinkLost(fault_codes.PIPE_ENDED())
         self._pending += data
         return self._whole()
 

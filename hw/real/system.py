@@ -1,7 +1,7 @@
-"""The operating system: facts about the machine, real-time requests, messages to systemd.
+"""The interface to the operating system: facts about the machine, real-time requests, messages to systemd.
 
-A fact is None where the machine cannot tell (no such tool, no such device, not Linux). A refused request is an answer,
-never an error.
+A fact is None if the machine cannot provide it (no such tool, no such device, not Linux). A refused request is returned
+as a result, never raised as an error.
 """
 
 import contextlib

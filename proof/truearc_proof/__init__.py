@@ -1,1 +1,1 @@
-"""Proving discovery: concealed worlds, made by code that the solver does not share."""
+"""Proof of discovery on concealed worlds, made by code that the solver does not share."""

@@ -1,11 +1,9 @@
-"""Titled tables of text cells, and the interval of a difference of two shares."""
+"""Titled tables of text cells."""
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from truearc.sim.printed import Row, make_text
-from truearc.sim.statistics import wilson
 
 
 class Table(NamedTuple):
@@ -29,15 +27,3 @@ def make_markdown(header: Row, rows: Iterable[Row]) -> str:
     """Return a Markdown table."""
     lines = [f"| {' | '.join(row)} |" for row in (header, *rows)]
     return "\n".join([lines[0], "|" + "---|" * len(header), *lines[1:]])
-
-
-def difference(one: tuple[int, int], other: tuple[int, int]) -> tuple[float, float]:
-    """Newcombe's hybrid-score 95 % interval of share(one) - share(other), each (successes, trials) (Newcombe 1998)."""
-    p, q = _share(*one), _share(*other)
-    (p_low, p_high), (q_low, q_high) = wilson(*one), wilson(*other)
-    gap = p - q
-    return (gap - math.hypot(p - p_low, q_high - q), gap + math.hypot(p_high - p, q - q_low))
-
-
-def _share(successes: int, trials: int) -> float:
-    return successes / trials if trials else 0.5

@@ -1,7 +1,7 @@
-"""Rig specification: the contents of rig.toml, and of [rig] in launcher.toml.
+"""The rig specification: the contents of rig.toml and of [rig] in launcher.toml.
 
-Outsiders write these files, so an absent optional key takes the default stated here, and a key that this version does
-not know is reported by `unknown_keys` for the caller to warn about; a wrong type or a missing required key is an error.
+Users write these files. Absent optional keys take the defaults stated here. `unknown_keys` lists unrecognised keys so
+that the caller can warn. A wrong type or a missing required key is an error.
 """
 
 import math
@@ -101,10 +101,10 @@ class Believe(Struct, frozen=True):
 
 
 class Rig(Struct, frozen=True):
-    """What rig.toml says: ball, launcher, target, air, world, noise, tracker, site and believed terms; SI units and
+    """Contents of rig.toml: ball, launcher, target, air, world, noise, tracker, site and believed terms; SI and
     degrees.
 
-    `target`: None where no opening was shot at. Keys and their meaning: docs/reference/dataset.md.
+    `target`: None if there was no opening to shoot at. Keys and their meaning: docs/reference/dataset.md.
     """
 
     ball: Ball

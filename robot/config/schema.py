@@ -1,4 +1,4 @@
-"""The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one; and its hash."""
+"""The schema and hash of launcher.toml. No key has a default, so a misspelt key cannot silently fall back to one."""
 
 import hashlib
 from collections.abc import Sequence
@@ -7,13 +7,14 @@ from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 from msgspec import Struct
+from msgspec.structs import replace
 
 from truearc import errors
 from truearc.errors import ELSEWHERE, InputError, PluginError, line_of_key, load_text, needs, struct_in
 from truearc.hw.devices import registry
 from truearc.hw.devices.family import Axis, Finite, HoodEncoder, Positive
+from truearc.robot.config import named_tables
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
-from truearc.robot.config.reading_tables import Driving, ReadingTable, find_table, stated, table_names
 from truearc.robot.config.rig_spec import Rig, rig_errors
 
 Kind = TypeVar("Kind")
@@ -194,7 +195,7 @@ class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
     efficiency: Positive                 # first guess of vacuum exit speed / mean wheel surface speed, air included
     walk_start: tuple[Finite, Finite, Finite]    # where the walk begins: level, slope in distance, slope in elevation
     walk_step: Finite                  # log speed per high/low mark
-    prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see truearc.robot.config.overrides
+    prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see truearc.robot.aim_file
 
 
 class AimConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -262,10 +263,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     readings: dict[str, dict[str, Any]] = {}      # tables of other distributions, by name, as plain data
 
     @property
-    def driving(self) -> Driving | None:
+    def driving(self) -> named_tables.Driving | None:
         """What the tick must know of a robot that tells how it drives; None: it is to stand when it shoots."""
         found = next((table["velocity"] for table in self.readings.values() if "velocity" in table), None)
-        return found and Driving(found["most_m_s"], found["pointing_deg"], found.get("delay_s", 0.0))
+        return found and named_tables.Driving(found["most_m_s"], found["pointing_deg"], found.get("delay_s", 0.0))
 
     @property
     def is_seen_elsewhere(self) -> bool:
@@ -283,7 +284,7 @@ class CameraFile(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=
 
 
 def load_config(path: str | Path) -> Config:
-    """Read launcher.toml; InputError names file, key and line, or the key of a number that cannot be true."""
+    """Read launcher.toml; InputError names file, key and line, or the key of an impossible number."""
     text = load_text(path)
     config = parse_toml(text, Config, str(path))
     for key in errors.unknown_keys(errors.parse_table(text, str(path))["rig"], Rig):
@@ -310,7 +311,7 @@ def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     return plain
 
 
-def _other_tables(table: dict[str, Any], text: str, name: str) -> tuple[ReadingTable, ...]:
+def _other_tables(table: dict[str, Any], text: str, name: str) -> tuple[named_tables.ReadingTable, ...]:
     """The tables of other distributions, where there is one that is not truearc's own.
 
     Raises:
@@ -320,16 +321,16 @@ def _other_tables(table: dict[str, Any], text: str, name: str) -> tuple[ReadingT
         raise InputError(f"{name}{line_of_key(text, 'readings')}: readings: unknown key")
     if table.keys() <= set(Config.__struct_fields__):
         return ()
-    installed = table_names()
+    installed = named_tables.table_names()
     for absent in sorted((table.keys() & ELSEWHERE.keys()) - {*installed}):
         raise InputError(f"{name}: [{absent}]: {needs(absent)}")
     try:
-        return tuple(map(find_table, installed))
+        return tuple(map(named_tables.find_table, installed))
     except PluginError as error:
         raise InputError(f"{name}: {error}") from error
 
 
-def _beside(kind: Any, others: Sequence[ReadingTable]) -> Any:
+def _beside(kind: Any, others: Sequence[named_tables.ReadingTable]) -> Any:
     """The struct with a field for each of these tables, so that what is wrong in one is said as of truearc's own."""
     if not others:
         return kind
@@ -337,11 +338,11 @@ def _beside(kind: Any, others: Sequence[ReadingTable]) -> Any:
                              frozen=True, forbid_unknown_fields=True, omit_defaults=True)
 
 
-def _as_plain(found: Any, kind: Any, others: Sequence[ReadingTable]) -> Any:
+def _as_plain(found: Any, kind: Any, others: Sequence[named_tables.ReadingTable]) -> Any:
     """What was read, with those tables as plain data in `readings`."""
     if not others:
         return found
-    read = {one.name: stated(getattr(found, one.name)) for one in others if getattr(found, one.name) is not None}
+    read = {one.name: named_tables.stated(table) for one in others if (table := getattr(found, one.name)) is not None}
     return kind(**{field: getattr(found, field) for field in kind.__struct_fields__} | {"readings": read})
 
 
@@ -380,20 +381,38 @@ def _device(annotation: Any) -> Any:
 def table_of(kind: Any, table: dict[str, Any]) -> Any:
     """The struct of a device's table, by its driver; kind: Axis or HoodEncoder. Raises as find_family."""
     if kind is HoodEncoder:
-        from truearc.robot.hood_encoders import encoder_table
-        return encoder_table(table["driver"], "key" in table)
+        return named_tables.encoder_table(table["driver"], "key" in table)
     return registry.find_family(table["driver"]).axis
 
 
 def _known(key: str) -> list[str]:
     """The values of a key that takes few."""
     if key == "hood_encoder.driver":
-        from truearc.robot.hood_encoders import encoder_drivers
-        return list(encoder_drivers())
+        return list(named_tables.encoder_drivers())
     if key.endswith(".driver") or key == "hood_encoder.controller":
         return list(registry.drivers())
     few = {"aim.policy": ["plan", "belief"]}
     return ["1", "-1"] if key.endswith(".direction") else few.get(key, [])
+
+
+def with_ports(config: Config, can: str | None, buttons: str | None, camera: str | None) -> Config:
+    """`config` with these ports; InputError names one that is none."""
+    if can is not None:
+        interface, channel = split_bus(can, "--can")
+        config = replace(config, can=Can(interface, channel, config.can.bitrate))
+    if buttons is not None:
+        config = replace(config, buttons=replace(config.buttons, port=buttons))
+    if camera is not None:
+        config = replace(config, camera=replace(config.camera, device=camera))
+    return config
+
+
+def split_bus(bus: str, option: str) -> tuple[str, str]:
+    """(interface, channel) of `interface:channel`; the channel may have colons of its own."""
+    interface, _, channel = bus.partition(":")
+    if not interface or not channel:
+        raise InputError(f"{option} {bus}: an interface and a channel, such as slcan:/dev/ttyACM0 or socketcan:can0")
+    return interface, channel
 
 
 # --- as a recording keeps it: config.json, and the hash by which session.json names it
@@ -403,7 +422,7 @@ def config_hash(config: Config) -> str:
 
     A key that may be left out and has its default counts as left out, so that a later version may add keys.
     """
-    table = stated(config)
+    table = named_tables.stated(config)
     return _sha256(table | table.pop("readings", {}))
 
 
@@ -439,7 +458,7 @@ def config_of(data: dict[str, Any]) -> Config:
 def _without_defaults(name: str, table: dict[str, Any]) -> dict[str, Any]:
     """The table as a hash takes it; as it is where nothing installed knows it."""
     try:
-        plain: dict[str, Any] = stated(msgspec.convert(table, find_table(name).table))
+        plain: dict[str, Any] = named_tables.stated(msgspec.convert(table, named_tables.find_table(name).table))
         return plain
     except (LookupError, PluginError):
         return table

@@ -1,5 +1,8 @@
-"""shots.toml: which keys of a team's log or table say what, and how its shots and their outcomes are known."""
+"""The schema of shots.toml: what the keys of a team's log or table mean, their units, and how its shots are found."""
 
+import math
+import re
+import tomllib
 from collections.abc import Callable
 from importlib.metadata import entry_points
 from importlib.resources import files
@@ -8,9 +11,72 @@ from typing import Final, Literal
 
 from msgspec import Struct
 
-from truearc.errors import InputError, load_text
-from truearc.robot.config.schema import parse_toml
-from truearc.robot.config.unit_table import MOTOR, factor_of
+from truearc.errors import InputError, load_text, parse_struct
+
+# --- units
+
+MOTOR = "motor_rad_s"                 # of a map: the motors' speed, which becomes motor_ratio by the rig's free speed
+WHEEL = re.compile(r"wheel_(.+)_rad_s")
+
+# unit that is read -> suffix of another one -> how many of the first are one of the second
+CONVERTED = {
+    "m": {"mm": 1e-3, "cm": 0.01, "in": 0.0254, "ft": 0.3048, "yd": 0.9144},
+    "s": {"ms": 1e-3, "us": 1e-6},
+    "deg": {"rad": 180.0 / math.pi},
+    "rad_s": {"rpm": math.pi / 30.0, "rev_s": 2.0 * math.pi, "rps": 2.0 * math.pi, "deg_s": math.pi / 180.0},
+    "rev_s": {"rpm": 1.0 / 60.0, "rps": 1.0, "rad_s": 0.5 / math.pi},
+    "m_s": {"ft_s": 0.3048, "in_s": 0.0254, "mph": 0.44704, "km_h": 1.0 / 3.6},
+    "kg": {"g": 1e-3, "lb": 0.45359237, "oz": 0.028349523125},
+    "v": {"mv": 1e-3},
+    "pa": {"hpa": 100.0, "kpa": 1000.0},
+    "c": {"k": 1.0, "f": 5.0 / 9.0},
+}
+ZERO = {"k": 273.15, "f": 32.0}       # in that unit, of a unit that is read; of others 0
+# what logs call units -> as columns of a dataset end
+UNITS = {suffix: suffix for read, others in CONVERTED.items() for suffix in (read, *others)}
+UNITS |= {word: unit for unit, words in tomllib.loads(
+    Path(__file__).with_name("units.toml").read_text(encoding="utf-8")).items() for word in words}
+REVOLUTION_DEG = 360.0
+SUFFIX = re.compile(r"(radians?persec(?:ond)?|rad(?:s)?per?sec|rotations?per(?:sec(?:ond)?|minute)|deg(?:rees)?persec|"
+                    r"meterspersec(?:ond)?|mps|rpm|rps|radians?|rads?|degrees?|degs?|rotations?|rots?|meters?|inches|"
+                    r"feet|volts?|seconds?|_rad_s|_m_s|[ _](?:ft|in|cm|mm|yd|m|v|deg|rad))(/\d+|/value)?$",
+                    re.IGNORECASE)
+BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\.?\s*[)\]]\s*$")
+
+
+def unit_of(name: str) -> str:
+    """The unit in which a column is read, "" where there is none of another: of exit_speed_m_s not the s, but m_s."""
+    return max((unit for unit in CONVERTED if name.endswith("_" + unit)), key=len, default="")
+
+
+def factor_of(column: str, unit: str) -> tuple[float, float] | None:
+    """(how many of the column's unit are one of the other, its zero); None where it is not a unit of that column."""
+    read, other = own_unit(column), UNITS.get(unit.strip().lower())
+    if other is None:
+        return None
+    if other == read or (read == "rev_s" and other == "rps"):
+        return 1.0, 0.0
+    if read == "deg" and other == "rev":
+        return REVOLUTION_DEG, 0.0
+    factor = CONVERTED.get(read, {}).get(other)
+    return None if factor is None else (factor, ZERO.get(other, 0.0))
+
+
+def own_unit(column: str) -> str:
+    """The unit of a column of shots, "" for one without."""
+    return "rad_s" if column == MOTOR or WHEEL.fullmatch(column) else unit_of(column)
+
+
+def unit_in(key: str) -> str:
+    """The unit that a key's name ends in, alone or in brackets, as UNITS has it; "" for none."""
+    last = BRACKETS.search(key)
+    if last and last[1].lower() in UNITS:
+        return UNITS[last[1].lower()]
+    found = SUFFIX.search((key[:last.start()] if last else key).rstrip())
+    return UNITS.get(found[1].lower().lstrip("_ "), "") if found else ""
+
+
+# --- the map
 
 SCHEMA: Final = "truearc.shot-map/1"
 MAPS = "truearc.maps"                 # entry points: packages with a shots.toml NAME.toml for each map
@@ -116,7 +182,7 @@ def load_map(name_or_path: str | Path, is_column: Callable[[str], bool] = lambda
 
 
 def _read(text: str, name: str, is_column: Callable[[str], bool] = lambda name: True) -> ShotMap:
-    found = parse_toml(text, ShotMap, name)
+    found = parse_struct(text, ShotMap, name)
     known = {"position": ("t_s", "x_m", "y_m", "z_m")}.get(found.rows, ())
     for column, said in found.columns.items():
         if not (column in known or (not known and (column == MOTOR or is_column(column)))):

@@ -1,8 +1,8 @@
-"""Files that make a computer a robot that starts by itself, and the options that shape them. Texts only.
+"""The contents of the files that make a computer start truearc at boot, and the options that determine them. Text only.
 
-They are the systemd unit, CAN bring-up, device names and the script that installs them; `files/` has the longer ones,
-with places such as `@USER@` to fill in. `truearc/cli/deploy.py` carries them there, with wheels that are built
-from clean copies of sources.
+The files are the systemd unit, CAN bring-up, device names and the script that installs them; `files/` has the longer
+ones, with placeholders such as `@USER@`. `truearc/cli/deploy.py` copies them to the computer, with wheels built from
+clean copies of the sources.
 """
 
 import re
@@ -15,10 +15,9 @@ from types import MappingProxyType
 from msgspec import Struct
 
 from truearc.errors import INSTALL_HINTS, InputError
-from truearc.hw.devices.family import driver_of
-from truearc.hw.devices.registry import BY_DRIVER
+from truearc.hw.devices import family, registry
 from truearc.robot.aim_file import needs_aim
-from truearc.robot.config.reading_tables import distribution_of_table
+from truearc.robot.config.named_tables import distribution_of_table
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import name_axes
 
@@ -48,7 +47,7 @@ def make_parts(config: Config, parts: Parts) -> Parts:
 
 def _missing_plugins(config: Config, parts: Parts) -> Iterator[str]:
     for name, axis in name_axes(config):
-        if (driver := driver_of(axis)) not in BY_DRIVER and not parts.has_plugins:
+        if (driver := family.driver_of(axis)) not in registry.BY_DRIVER and not parts.has_plugins:
             yield f"{name}: driver {driver!r} is of another distribution; --plugin names its wheel or source folder"
     for name in config.readings:
         if distribution_of_table(name) not in INSTALL_HINTS and not parts.has_plugins:

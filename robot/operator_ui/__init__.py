@@ -1,4 +1,4 @@
-"""The operator's page, and the option `--page`: where it is served."""
+"""The operator page, and the `--page` option with its address."""
 
 import argparse
 

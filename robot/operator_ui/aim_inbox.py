@@ -1,8 +1,8 @@
-"""Inbox of aim files that arrive while the robot runs: the page's orders, and the offer to the driver.
+"""The inbox of aim files that arrive while the robot runs: the requests from the page, and the offer to the driver.
 
-The page takes two orders, both of which need the token in the inbox's file `token`: keep an aim file, and accept the
-one on offer. An order is a file in the inbox. The control process looks there; it checks each aim file, keeps it in the
-session and offers it to the driver. An offered file is not used until the driver accepts it while disarmed
+The page accepts two requests: to keep an aim file and to accept the offered one. Both need the token in the inbox's
+`token` file. Each request becomes a file in the inbox. The control process reads the inbox, checks each aim file, keeps
+it in the session and offers it to the driver. An offered file is not used until the driver accepts it while disarmed
 (truearc.robot.aim).
 """
 
@@ -19,13 +19,11 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.errors import InputError, load_bytes, reworded
-from truearc.robot.aim_file import AimFile, load_aim_for
+from truearc.robot import aim_file, runtime, types
 from truearc.robot.config.schema import Config
 from truearc.robot.operator_ui.what_if import Answer, QuestionError, make_answer
 from truearc.robot.recording.files import DISK_ERRNOS, save_synced
 from truearc.robot.recording.session import AIMS
-from truearc.robot.runtime import RigLayer, RobotIo
-from truearc.robot.types import AimOffer, Inputs
 
 LOOK_S = 1.0
 TOKEN, ACCEPT = "token", "accept"
@@ -39,8 +37,8 @@ class AimInbox:
     again is offered again. A file that is refused is named on stderr, and the last offer stays.
     """
 
-    def __init__(self, folder: Path, config: Config, session: Path, aims: dict[str, AimFile]) -> None:
-        self.offer: AimOffer | None = None
+    def __init__(self, folder: Path, config: Config, session: Path, aims: dict[str, aim_file.AimFile]) -> None:
+        self.offer: types.AimOffer | None = None
         self.accepted: str | None = None          # on the page, and not told to a tick yet
         self._folder, self._config, self._session, self._aims = folder, config, session, aims
         self._seen: tuple[str, int, int] | None = None
@@ -65,7 +63,7 @@ class AimInbox:
             return
         self._seen, path = now, self._folder / now[0]
         try:
-            aim = load_aim_for(path, self._config)
+            aim = aim_file.load_aim_for(path, self._config)
             if self.offer is None and "" in self._aims and self._aims[""].sha256 == aim.sha256:
                 return
             if aim.sha256 not in self._aims:
@@ -75,7 +73,7 @@ class AimInbox:
             print(f"truearc run: not offered: {error}", file=sys.stderr)
             return
         self._aims[aim.sha256] = aim
-        self.offer = AimOffer(aim.sha256, aim.content.note)
+        self.offer = types.AimOffer(aim.sha256, aim.content.note)
 
     def _look_for_acceptance(self) -> None:
         path = self._folder / ACCEPT
@@ -91,14 +89,14 @@ class AimInbox:
             self.look()
 
 
-class OfferingRig(RigLayer):
+class OfferingRig(runtime.RigLayer):
     """A RobotIo whose inputs say which aim file is on offer."""
 
-    def __init__(self, rig: RobotIo, inbox: AimInbox) -> None:
+    def __init__(self, rig: runtime.RobotIo, inbox: AimInbox) -> None:
         super().__init__(rig)
         self._inbox = inbox
 
-    def read(self) -> Inputs | None:
+    def read(self) -> types.Inputs | None:
         inputs, offer = self._rig.read(), self._inbox.offer
         if inputs is None or offer is None:
             return inputs
@@ -136,7 +134,7 @@ class AimOrders:
         half = self._folder / f".{secrets.token_hex(8)}"
         try:
             half.write_bytes(body)
-            load_aim_for(half, self._config)
+            aim_file.load_aim_for(half, self._config)
             half.replace(self._folder / f"{hashlib.sha256(body).hexdigest()}.json")
         except InputError as error:
             raise QuestionError(400, str(error).replace(f"{half}: ", "")) from error

@@ -1,11 +1,11 @@
-"""The operator's page over HTTP, and the local server for any page at the robot, of the standard library alone.
+"""The HTTP server for the operator page and other pages at the robot, using only the standard library.
 
-The page has Server-Sent Events with the newest tick, and the gate's answers: a question (`POST /predict`) does not
-reach the robot. The two orders, an aim file (`PUT /aim`) and its acceptance (`POST /accept`), need a token
+The page receives the newest tick by Server-Sent Events, and the gate's answers; a query (`POST /predict`) does not
+reach the robot. Sending an aim file (`PUT /aim`) and accepting it (`POST /accept`) need a token
 (truearc.robot.operator_ui.aim_inbox).
 
-No client can block the others, not even from a shared address (a tunnel, the robot's own screen). A connection too many
-ends the oldest one whose request is still being read or answered; long answers have a limited number of places.
+No client can block the others, not even from a shared address (a tunnel, the robot's own screen). Above the limit of
+connections, the oldest whose request is still being read or answered is closed; long responses are limited in number.
 """
 
 import gzip

@@ -1,8 +1,8 @@
-"""What the operator's page shows of the newest tick: words, and numbers with their units. Pure.
+"""The operator page's view of the newest tick: text, and numbers with their units. Pure.
 
 `look` keeps the newest tick, sighting and outcomes in a Glance; `describe` turns a Glance into one event for the
-browser. `tell` explains to the driver what each reason for a HOLD means and what to do about it: the texts are in
-`driver_messages.toml`, in the order of importance, and `docs/reference/reasons.md` shows them all.
+browser. `tell` explains each reason for a HOLD to the driver and what to do about it. The texts are in
+`driver_messages.toml`, in order of importance, and `docs/reference/reasons.md` lists them all.
 """
 
 import math

@@ -1,11 +1,11 @@
-"""Questions to the gate about configurations that the robot need not be in: parsed, limited in number, answered.
+"""What-if queries to the gate about arbitrary configurations: parsing, rate limits and answers.
 
-An answer is the tick's own: Gate.rate for one configuration at a time, and the verdict's reasons against it. No part of
-a question or an answer reaches the tick.
+An answer is computed as in the tick: Gate.rate for one configuration at a time, and the reasons for which the verdict
+would hold it. Queries and answers never reach the tick.
 
-WhatIfProcess answers in a process of its own, so that neither the tick nor the recorder waits for the model. One end of
-a connection is that process's standard input: it receives a question's text, or None for the facts, and sends an
-answer. The first question starts it, and it ends when the connection does, however this process ended.
+WhatIfProcess answers in a process of its own, so that neither the tick nor the recorder waits for the model. Its
+standard input is one end of a connection: it receives the text of a query, or None for the facts, and sends an answer.
+The first query starts the process, which ends when the connection closes, even if this process crashed.
 """
 
 import contextlib

@@ -1,1 +1,1 @@
-"""Session recordings: write, read, recover."""
+"""Session recordings: writing, reading and recovery."""

@@ -1,7 +1,7 @@
-"""The files of a session: made, written, and never overwritten.
+"""The files of a session, which are created and appended to but never overwritten.
 
-They grow through `Appender`, which survives a full disk. Raw CAN is candump text, `(seconds.microseconds) can0 ID#DATA
-R|T`, which can-utils, SavvyCAN and python-can open.
+`Appender` appends to them and survives a full disk. Raw CAN is candump text, `(seconds.microseconds) can0 ID#DATA R|T`,
+which can-utils, SavvyCAN and python-can read.
 """
 
 import contextlib
@@ -24,10 +24,9 @@ from mcap.writer import CompressionType, Writer
 from truearc.errors import NO_JSON, InputError, load_bytes
 from truearc.hw.protocols import Bus, CameraFrame, Frame
 from truearc.hw.reason import Reason
+from truearc.robot import reasons, types
 from truearc.robot.config.schema import Config, plain_table
-from truearc.robot.reasons import DISK_BACKLOG_FULL, FILE_DELETED, IMAGE_NOT_ENCODED, text
 from truearc.robot.recording import session as layout
-from truearc.robot.types import Tick
 
 PENDING_BYTES = 64 << 20              # kept for a disk that takes nothing: some ten minutes of ticks
 # Full, over its quota, read-only, or broken: a disk's own troubles, which may end; others are a wrong path.
@@ -48,7 +47,7 @@ class NotKept(OSError):
         self.reason = reason
 
     def __str__(self) -> str:
-        return text(self.reason)
+        return reasons.text(self.reason)
 
 
 class Appender:
@@ -91,9 +90,9 @@ class Appender:
             self._on_disk += taken
             del self._pending[:taken]
         if self._gave_up:
-            raise NotKept(DISK_BACKLOG_FULL())
+            raise NotKept(reasons.DISK_BACKLOG_FULL())
         if self._is_linked and not os.fstat(file.fileno()).st_nlink:
-            raise NotKept(FILE_DELETED(file=self.path.name))
+            raise NotKept(reasons.FILE_DELETED(file=self.path.name))
 
     def sync(self) -> None:
         """Wait until what was flushed would survive a power cut."""
@@ -190,7 +189,7 @@ class TickFile:
         self._ticks, self._trials = (
             self.mcap.register_channel(topic, "json", self.mcap.register_schema(
                 f"truearc.{kind.__name__}", "jsonschema", layout.row_schema(kind)))
-            for topic, kind in ((layout.TICK_TOPIC, Tick), (layout.TRIAL_TOPIC, layout.Trial)))
+            for topic, kind in ((layout.TICK_TOPIC, types.Tick), (layout.TRIAL_TOPIC, layout.Trial)))
 
     def write(self, t_ns: int, row: bytes, trials: Sequence[bytes] = ()) -> None:
         """Add a tick and the trials that were marked in it."""
@@ -283,7 +282,7 @@ class SessionFiles:
         name = f"{picture.t_ns // 1_000_000:09d}.png"
         done, png = cv2.imencode(".png", picture.image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
         if not done:
-            raise NotKept(IMAGE_NOT_ENCODED(file=name))
+            raise NotKept(reasons.IMAGE_NOT_ENCODED(file=name))
         (self._folder / layout.FRAMES / name).write_bytes(png.tobytes())
         self._index.write(layout.encode_row(layout.Picture(picture.t_ns, name)) + b"\n")
         self._index.flush()

@@ -1,8 +1,8 @@
-"""Reader of a session's ticks, whole or cut short, from the records of an MCAP file.
+"""Reads a session's ticks from the records of an MCAP file, complete or truncated.
 
-The sizes that a file states are not trusted: a record is no longer than the rest of the file, and a chunk is unpacked
-to LARGEST bytes at most. Missing rows are always noticed: rows of one topic are numbered from 0 without a gap, and a
-file that was closed says how many there are (robot/recording/files.py).
+Sizes stated in a file are not trusted: a record cannot be longer than the rest of the file, and a chunk is unpacked to
+at most LARGEST bytes. Missing rows are always detected: rows of one topic are numbered from 0 without gaps, and a file
+that was closed states their number (robot/recording/files.py).
 """
 
 import struct

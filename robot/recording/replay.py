@@ -1,9 +1,9 @@
-"""Replay: recompute every output of a recording, and compare to the last bit.
+"""Deterministic replay: every output of a recording is computed again and compared bit for bit.
 
-`replay` starts from the recorded inputs; `replay_frames` recomputes the inputs as well, from the raw CAN frames and the
+`replay` starts from the recorded inputs; `replay_frames` also recomputes the inputs from the raw CAN frames and the
 kept images. Inputs that neither contains are taken as recorded: button presses, lost wires, and sightings whose image
-was not kept (a session keeps the one behind each shot). `find_changes` replays with another configuration or model and
-lists the differences.
+was not kept (a session keeps the image used for each shot). `find_changes` replays with another configuration or model
+and lists the differences.
 """
 
 import itertools
@@ -20,16 +20,14 @@ from truearc.errors import InputError, check_file, naming
 from truearc.hw.devices.family import Encoder
 from truearc.hw.protocols import NS, CameraFrame, Frame, LinkLost
 from truearc.hw.reason import Reason
-from truearc.robot.advice import POLICY as ADVICE
-from truearc.robot.advice import step as advise
+from truearc.robot.advice import ADVICE, advise_step
+from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import Config, plain_table
 from truearc.robot.eyes import NoEyes
 from truearc.robot.gate import Gate
-from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST
+from truearc.robot.recording import files, tabular
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.export.tabular import FlatTicks, Value
-from truearc.robot.recording.files import load_image, load_pictures, parse_candump
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.rig import HardwareRig, ReplayRig
 from truearc.robot.runtime import RigLayer, RobotIo, run
@@ -118,7 +116,7 @@ def _replay(session: Path, make_rig: Callable[[RecordedRows, Config], RobotIo]) 
     rows = RecordedRows(reader)
     aims = layout.load_session_aims(session)
     policy = layout.load_header(session).policy
-    think = make_step(config) if policy == POLICY else partial(advise if policy == ADVICE else step, aims=aims)
+    think = make_step(config) if policy == POLICY else partial(advise_step if policy == ADVICE else step, aims=aims)
     return matched(run(make_rig(rows, config), config, gate, Comparer(rows), think), reader)
 
 
@@ -184,7 +182,7 @@ class LoggedBus:
             file = self._path.open(encoding="ascii", errors="replace", newline="\n")
         with file:
             for number, line in enumerate(file, 1):
-                parsed = parse_candump(line)
+                parsed = files.parse_candump(line)
                 if parsed is None and line.endswith("\n"):
                     raise InputError(f"{self._path}:{number}: not a candump line")
                 if parsed is not None and not parsed[1]:
@@ -204,7 +202,7 @@ class FramesRig(RigLayer):
         self._is_wired = encoder_family_of(config.hood_encoder).make_off_bus is None
         self._parser = HardwareRig(config, self._bus, _NoBox(), NoEyes(), self._clock, lambda: False,
                                 None if self._is_wired else Encoder())
-        self._pictures = {picture.t_ns: picture for picture in load_pictures(session)}
+        self._pictures = {picture.t_ns: picture for picture in files.load_pictures(session)}
 
     def read(self) -> Inputs | None:
         recorded = self._rig.read()
@@ -228,7 +226,7 @@ class FramesRig(RigLayer):
         if sighting is None:
             return None
         picture = self._pictures.get(sighting.t_ns)
-        image = None if picture is None else load_image(self._session, picture)
+        image = None if picture is None else files.load_image(self._session, picture)
         self.done.seen += image is not None
         self.done.taken += image is None
         self.done.missing += picture is not None and image is None
@@ -267,8 +265,8 @@ class Change(Struct):
     unit: str
     ticks: int
     first_s: float
-    was: Value
-    now: Value
+    was: tabular.Value
+    now: tabular.Value
     largest: float | None = None
     largest_s: float = 0.0
 
@@ -318,7 +316,7 @@ class _Collector:
 
     def __init__(self, rig: ReplayRig, flywheels: int) -> None:
         self.changes = Changes()
-        self._rig, self._flat = rig, FlatTicks(flywheels)
+        self._rig, self._flat = rig, tabular.FlatTicks(flywheels)
         self._first_ns: int | None = None
 
     def record(self, tick: Tick, sent: Sent) -> None:

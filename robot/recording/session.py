@@ -1,14 +1,14 @@
-"""A session is a folder:
+"""The layout of a session, which is a folder:
 
     session.json     what made it: versions, configuration and model hashes
-    config.json      the configuration it ran with; model.onnx the gate, if there was one
-    aim.json         the aim file that it started with, if there was one; aims/SHA256.json those offered meanwhile
+    config.json      its configuration; model.onnx the gate, if there was one
+    aim.json         the aim file at the start, if there was one; aims/SHA256.json those offered later
     telemetry.mcap   JSON messages: on /tick the whole Tick, on /trial each line of trials.jsonl
     can0.log         every CAN frame both ways, candump text
     trials.jsonl     one line per outcome, each fsynced
     frames/          the image behind each shot, and frames.jsonl
-    lateness.jsonl   one line per second: how late ticks came (truearc.robot.runtime); real robots only
-    damaged/         the files that `truearc session recover` has replaced
+    lateness.jsonl   one line per second: lateness of the ticks (truearc.robot.runtime); real robots only
+    damaged/         the files that `truearc session recover` replaced
 """
 
 import hashlib
@@ -20,10 +20,9 @@ import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
 from truearc.errors import MAX_TEXT_BYTES, NO_JSON, InputError, in_words, load_bytes, naming
-from truearc.robot.aim_file import AimFile, Aims, load_aim
+from truearc.robot import aim_file, types
 from truearc.robot.config.schema import Config, config_hash, config_of, is_hash_of
 from truearc.robot.gate import Gate, load_gate
-from truearc.robot.types import Outcome, Shot, Tick
 
 FORMAT = "truearc.session/2"
 HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES, LATENESS = (
@@ -57,8 +56,8 @@ class Picture(Struct, frozen=True):
 class Trial(Struct, frozen=True):
     """One line of trials.jsonl; a later line for the same trial replaces it."""
 
-    outcome: Outcome
-    shot: Shot | None
+    outcome: types.Outcome
+    shot: types.Shot | None
 
 
 class WallTime(NamedTuple):
@@ -69,11 +68,11 @@ class WallTime(NamedTuple):
 
 
 encode_row = msgspec.json.Encoder().encode        # a line of a session's files, or a message of its telemetry
-decode_tick = msgspec.json.Decoder(Tick).decode
+decode_tick = msgspec.json.Decoder(types.Tick).decode
 decode_trial = msgspec.json.Decoder(Trial).decode
 
 
-def row_schema(kind: type[Tick] | type[Trial]) -> bytes:
+def row_schema(kind: type[types.Tick] | type[Trial]) -> bytes:
     """JSON schema of a tick or a trial. Its root says that it is an object: viewers refuse a root that is a reference.
     """
     schema = msgspec.json.schema(kind)
@@ -81,14 +80,14 @@ def row_schema(kind: type[Tick] | type[Trial]) -> bytes:
                        "$defs": schema["$defs"]})
 
 
-def make_trials(tick: Tick) -> list[Trial]:
+def make_trials(tick: types.Tick) -> list[Trial]:
     """What trials.jsonl will say of a tick's outcomes."""
     shot = tick.memory.last_shot
     return [Trial(outcome, shot if shot is not None and shot.trial == outcome.trial else None)
             for outcome in tick.outcomes]
 
 
-def make_header(config: Config, gate: Gate | None, started: str | None, aim: AimFile | None = None,
+def make_header(config: Config, gate: Gate | None, started: str | None, aim: aim_file.AimFile | None = None,
                 wall_offset_ns: int | UnsetType = UNSET) -> Header:
     """What session.json will say."""
     return Header(FORMAT, version("truearc"), config_hash(config), gate.sha256 if gate else None, config.gate.policy,
@@ -130,14 +129,14 @@ def load_session_gate(session: Path) -> Gate | None:
     return load_gate(path)
 
 
-def load_session_aims(session: Path) -> Aims:
+def load_session_aims(session: Path) -> aim_file.Aims:
     """The aim files that a session may have aimed by; InputError when the one it started with is missing or another."""
     header, path = load_header(session), session / AIM
-    aims = {one.sha256: one for one in map(load_aim, sorted((session / AIMS).glob("*.json")))}
+    aims = {one.sha256: one for one in map(aim_file.load_aim, sorted((session / AIMS).glob("*.json")))}
     if header.aim_sha256 is not UNSET:
         if not path.exists():
             raise InputError(f"{path}: the aim file of the recording is missing")
-        aims[""] = load_aim(path)
+        aims[""] = aim_file.load_aim(path)
         if aims[""].sha256 != header.aim_sha256:
             raise InputError(f"{path}: not the aim file of the recording")
     return aims

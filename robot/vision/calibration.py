@@ -1,8 +1,8 @@
-"""Calibration of a camera from pictures of a flat board, or from distances measured with a tape.
+"""Camera calibration from pictures of a flat board, or from distances measured with a tape.
 
-A board gives focal length, axis and lens distortion, and their standard deviations. Pixels are taken to be square and
-the third radial term to be zero: both hold for any webcam, and what a fit makes of them without many pictures is noise.
-Taped distances give the focal length's scale and a bias.
+A board gives focal length, axis and lens distortion with their standard deviations. Pixels are assumed to be square and
+the third radial term to be zero: both hold for any webcam, and without many pictures a fit of them is noise. Taped
+distances give the scale of the focal length and a bias.
 """
 
 import math
@@ -17,9 +17,7 @@ from msgspec.structs import replace
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Tape, Vision
 from truearc.robot.types import Sighting
-from truearc.robot.vision import detect
-from truearc.robot.vision.marks import Image
-from truearc.robot.vision.pose import SQUARE_SIGMA, Array
+from truearc.robot.vision import detect, marks, pose
 
 LEAST_VIEWS = 4
 SAME_PX = 2.0                         # views whose corners all lie nearer to each other's are one view
@@ -55,7 +53,7 @@ class BoardFit(NamedTuple):
     slant_deg: float                  # of the board most slanted, against facing the camera
 
 
-def find_board(image: Image, board: Board) -> BoardView | None:
+def find_board(image: marks.Image, board: Board) -> BoardView | None:
     """The board's corners in a BGR or grey image, or None when it is not (wholly, for a chessboard) in view."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     if board.marker_m > 0.0:
@@ -68,7 +66,7 @@ def find_board(image: Image, board: Board) -> BoardView | None:
     return BoardView(flat.astype(np.float32), np.asarray(corners, np.float32).reshape(-1, 2))
 
 
-def _find_charuco(grey: Image, board: Board) -> BoardView | None:
+def _find_charuco(grey: marks.Image, board: Board) -> BoardView | None:
     marked = cv2.aruco.CharucoBoard((board.columns, board.rows), board.square_m, board.marker_m,
                                     cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary)))
     corners, ids, _, _ = cv2.aruco.CharucoDetector(marked).detectBoard(grey)
@@ -97,13 +95,13 @@ def calibrate(views: Sequence[BoardView], camera: CameraConfig) -> BoardFit:
     centre_sigma_px = math.sqrt(share * sum(float(((centre - centre_px) ** 2).sum()) / 2 for _, centre in left_out))
     fitted = replace(camera, fx_px=focal_px, fy_px=focal_px, cx_px=float(centre_px[0]), cy_px=float(centre_px[1]),
                      distortion=distortion, focal_sigma=max(focal_sigma, float(said[0]) / focal_px),
-                     aspect_sigma=SQUARE_SIGMA, centre_sigma_px=max(centre_sigma_px, float(said[1])),
+                     aspect_sigma=pose.SQUARE_SIGMA, centre_sigma_px=max(centre_sigma_px, float(said[1])),
                      bias_m=0.0, bias_sigma_m=0.0)
     return BoardFit(fitted, errors_px, slant_deg)
 
 
 def _solve(views: Sequence[BoardView],
-           camera: CameraConfig) -> tuple[float, Array, Any, tuple[float, ...], Array, float]:
+           camera: CameraConfig) -> tuple[float, pose.Array, Any, tuple[float, ...], pose.Array, float]:
     """Focal length, centre (2,), distortion, error of each view, the stated sigmas (2,) of the first two, and the
     largest angle between a board and one that faces the camera."""
     size = (camera.width_px, camera.height_px)
@@ -130,8 +128,8 @@ class TapedFit(NamedTuple):
     scale: float                      # new focal lengths / old ones
     correlation: float                # between scale and bias
     sightings: tuple[Sighting, ...]   # with the new camera
-    residual_m: Array                 # estimate - taped, with the new camera
-    expected_m: Array                 # one sigma of each residual, the fit's own uncertainty not included
+    residual_m: pose.Array                 # estimate - taped, with the new camera
+    expected_m: pose.Array                 # one sigma of each residual, the fit's own uncertainty not included
     inflated: float                   # 1, or how much worse than expected the residuals are: sigmas are as much larger
 
 

@@ -1,25 +1,22 @@
-"""The tape in an image: regions of its colour, and its four marks to a small part of a pixel, with their covariance.
+"""Finds the tape in an image: regions of its colour, and its four marks to sub-pixel accuracy with covariance.
 
-The image was exposed for tape under a ring light: it is dark, except for what shines.
-A camera that chooses its own exposure brightens the room until the tape is white; then colours and edges lie.
-Most of an image is dark, so the colour is first looked for in every fourth row and column; only around what is found
-there is the full resolution looked at.
+The image must be exposed for tape under a ring light, so that all else is dark. A camera with automatic exposure
+brightens the room until the tape is white; then colours and edges are wrong. Since most of the image is dark, the
+colour is first searched for in every fourth row and column, and the full resolution is used only around matches.
 
-The region's convex hull gives the corners to a pixel or two; the side along which there is no tape is the open top.
-Across each straight, brightness is sampled at many places. The two points of half height lie at equal distances from
-the tape's middle however blurred, bloomed or overexposed it is, and a line is fitted through their midpoints. Along the
-middle line, the point of half height at a cut end is where the end is, for the same reason: a strip and what is cut
-off from it mirror each other there, in linear light. With a tone curve, or where the tape clips, half height lies
-outside a cut end by as much as outside the bottom straight's edges. Marks are where two middle lines meet, and where
-the ends are. The scatter of the points about their line is the noise, and gives the marks' covariance: two marks on one
-line share that line's error.
+The region's convex hull gives the corners to a pixel or two; the side without tape is the open top. Brightness is
+sampled at many places across each straight. The two points of half height are equally far from the tape's middle,
+however blurred, bloomed or overexposed it is, and a line is fitted through their midpoints. Along the centre line, the
+point of half height at a cut end is the position of the end, because in linear light the strip and its missing
+continuation mirror each other there. With a tone curve, or where the tape clips, half height lies as far outside a cut
+end as outside the edges of the bottom straight. The marks are the intersections of the centre lines and the ends. The
+scatter of the points about their line gives the marks' covariance: two marks on one line share the error of that line.
 
-Widths tell how much wider the tape's picture is than its image. Blur leaves a straight's width at half height as it is,
-unless the straight is narrow: then the width follows from the slope of the edges. A tone curve, or light that clips,
+Widths show how much wider the tape appears than its geometric image. Blur does not change the width of a straight at
+half height unless the straight is narrow; then the width follows from the slope of the edges. A tone curve or clipping
 moves half height outward on both edges, so the excess width is twice the error of a cut end. The bottom straight shows
-it best: it is parallel to the cut ends, so that blur and motion affect it as they affect them. Beyond that, the width
-reveals another tape, and a tape that is partly hidden along its own edges: its three straights fit neither the marks
-nor each other.
+this best: it is parallel to the cut ends, so that blur and motion affect both alike. The width also reveals a different
+tape, or a tape that is partly hidden along its own edges: its three straights fit neither the marks nor each other.
 """
 
 import math

@@ -1,27 +1,28 @@
-"""Geometry of lens and target, and the camera's pose with covariance from four marks of the target.
+"""The camera pose with covariance from the four marks of the target, and the geometry of lens and target.
 
-A calibration holds for one image size. An image of another size is taken to be another mode of the same sensor that
-shows its full height: focal length and principal point scale with the image's height, and a wider image only sees more
-at both sides. (Webcam sensors are 16:9 and crop the sides for 4:3. For the LifeCam HD-3000 the stated 68.5 degrees of
-diagonal field agree: 719 px at 480 lines when scaled so from 720, against 539 px if the height were cropped instead.)
+A calibration is valid for one image size. An image of another size is assumed to be another mode of the same sensor
+that shows its full height: focal length and principal point scale with the image's height, and a wider image only shows
+more on both sides. Webcam sensors are 16:9 and crop the sides for 4:3. The LifeCam HD-3000's stated 68.5-degree
+diagonal field of view confirms this: 719 px at 480 lines when scaled from 720, against 539 px if the height were
+cropped.
 
-A rolling shutter reads one row after another, so a camera that turns meanwhile shears its picture, and one that nods
-stretches it. One image can hardly distinguish that from a target seen more from the side: how fast the camera may turn
-is configured, and a picture that is smeared sideways shows that it does turn.
+A rolling shutter reads one row after another, so a camera that turns during exposure shears its picture, and one that
+nods stretches it. A single image can hardly distinguish this from a more oblique view of the target. The maximum rate
+of turn is therefore configured, and a picture that is smeared sideways shows that the camera turns.
 
-Two things are known of any camera without calibrating it: its pixels are square and its axis is near the image's
-middle. A calibration that states standard deviations is weighed against that knowledge; any other is taken as it is.
+Two properties hold for any camera without calibration: its pixels are square and its axis is near the centre of the
+image. A calibration with standard deviations is weighed against them; any other is used unchanged.
 
 Frame of the target: x right and y up as the viewer sees them, z towards the viewer, origin midway between the outer top
-and bottom edges; metres. Vision measures the four `marks`: where the tape's middle lines meet at the bottom, and where
-they end at the top. Blur, bloom and overexposure move the edges of a thin tape outward by the same amount on both
-sides, and leave its middle in place.
+and bottom edges; metres. Vision measures four `marks`: the intersections of the tape's centre lines at the bottom, and
+their ends at the top. Blur, bloom and overexposure move both edges of a thin tape outward by the same amount and leave
+its middle in place.
 
-Pose: IPPE (the closed form for flat targets) gives the start; Gauss-Newton then minimises the marks' residuals, weighed
-by their covariance, together with three beliefs about the mounting: lens height, pitch, and no roll (as well known as
-the pitch). The covariance is that of the edges, a floor for what edges do not show, and what the camera leaves open.
-The tape hangs upright, so its pose alone tells the camera's height and pitch; how far its size, slant and
-elevation each count in the distance is settled by how well each is known.
+Pose: IPPE (the closed form for flat targets) gives the starting point. Gauss-Newton then minimises the marks'
+residuals, weighted by their covariance, together with three priors on the mounting: lens height, pitch, and zero roll
+(with the same uncertainty as the pitch). The covariance combines that of the edges, a floor for errors that edges do
+not show, and the uncertainty of the camera. The tape hangs upright, so its pose alone determines the camera's height
+and pitch; its size, slant and elevation contribute to the distance according to their precision.
 """
 
 import math

@@ -1,1 +1,1 @@
-"""Set points that score, by a belief: what hood angle and motor speed a distance needs."""
+"""Set points that score according to a belief: hood angle and motor speed for each distance."""

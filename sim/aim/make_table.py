@@ -1,25 +1,33 @@
-"""The table of set points by a belief: what errors cost, the band of speeds that score, and corrections on the move.
+"""Table of set points for a belief, its aim file, and the check of that file against the simulator.
 
-A ball that is thrown from a moving robot has the robot's velocity on top of the launcher's. In a vacuum it would be
-carried along for the whole flight; the air takes part of that, unequally along and across. The set point for a target
-at D is therefore that of a distance d from which the ball, carried, comes to D (d + carry_s * velocity = D), with a
-speed corrected for the height that the air then takes or leaves (trim).
+Rows state the cost of errors, the band of speeds that score, and corrections for a moving robot. A ball thrown from a
+moving robot has the robot's velocity in addition to the launcher's. In a vacuum it would keep that velocity for the
+whole flight; drag removes part of it, unequally along and across. The set point for a target at D is therefore that of
+the distance d from which the carried ball reaches D (d + carry_s * velocity = D), with a speed corrected for the
+resulting change of height (trim).
 """
 
+import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import msgspec
 import numpy as np
 from jax import lax
 from jaxtyping import Float
 from matplotlib.figure import Figure
+from scipy.interpolate import PchipInterpolator
 
 from truearc.errors import InputError
+from truearc.robot.aim_file import SCHEMA, AimContent, AimFile, Curve, Motion, Segment, contract_hash, rig_of
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.gate import UNSEALED, seal
 from truearc.sim.aim.solve import LEAST_POINTS, SAFE_SHARE, Chances, Solved, chances_of, solve
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief, before_the_shot
@@ -27,9 +35,8 @@ from truearc.sim.infer.forecast import Values, configured
 from truearc.sim.infer.likelihood.data import Given, given_of
 from truearc.sim.physics.catalogue import Catalogue, flight_terms
 from truearc.sim.physics.flight import make_law, reach_plane, rk4, start_of
-from truearc.sim.physics.term import BallState, Exit
-from truearc.sim.physics.vector import Vec, plus
-from truearc.sim.printed import Progress
+from truearc.sim.physics.term import BallState, Exit, Vec, plus
+from truearc.sim.printed import Printed, Progress
 from truearc.sim.report import new_panels
 
 RPM = 60.0 / (2.0 * math.pi)          # of one rad/s
@@ -97,7 +104,8 @@ def _rows(rig: Rig, belief: Belief, distance_m: Rows, solved: Solved, kept: np.n
     lost = [_lost(rig, belief, at, best, place, error) for place, error in enumerate(
         (DISTANCE_M, HOOD_DEG, SPEED_RPM / RPM / free_rad_s))]
     low, high = _band(rig, belief, at, best)
-    lead, flight_s = lead_deg(rig, belief, *at), flown(rig, belief, *at)[1]
+    side_m, flight_s = flown(rig, belief, *at)
+    lead = np.degrees(np.arctan2(-side_m, at[0])) + 0.0           # against the drift
     fitted = belief.provenance.get("range", {})
     for row in range(len(kept)):
         numbers = (*(float(column[row]) for column in at), float(at[2][row] * free_rad_s), float(lead[row]),
@@ -140,12 +148,6 @@ def beyond(settings: Mapping[str, float], fitted: Mapping[str, list[float]]) -> 
     return "; ".join(f"{name} beyond the fitted {fitted[name][0]:.3g} to {fitted[name][1]:.3g}"
                      for name, value in settings.items()
                      if name in fitted and not fitted[name][0] - 1e-9 <= value <= fitted[name][1] + 1e-9)
-
-
-def lead_deg(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> Rows:
-    """Angle by which to turn the launcher to the left [n], in degrees, against the drift; NaN: does not come there."""
-    side_m = flown(rig, belief, distance_m, hood_deg, motor_ratio)[0]
-    return np.asarray(np.degrees(np.arctan2(-side_m, distance_m)) + 0.0)
 
 
 def flown(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> tuple[Rows, Rows]:
@@ -223,8 +225,7 @@ def on_the_move(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, moto
         return _given(rig, belief, distance_m, hood_deg, motor_ratio * np.exp(np.clip(np.nan_to_num(log), -1.0, 1.0)))
 
     def along_m(log: Rows, along: float) -> Rows:
-        height_m = _height(rig, values, faster(log), distance_m + carry_s * along, along, among)
-        return np.asarray(height_m - at_rest_m)
+        return np.asarray(_height(rig, values, faster(log), distance_m + carry_s * along, along, among) - at_rest_m)
 
     def across_m(log: Rows) -> Rows:
         flown = np.asarray(_place(rig, values, faster(log), flight_s, 0.0, PROBE_M_S, among))
@@ -282,3 +283,142 @@ def _place(rig: Rig, values: Values, given: Given, flight_s: Any, along: Any, ac
     start = BallState(place, Vec(speed.x + along, speed.y + across, speed.z), spin, zero)
     end = lax.scan(lambda ball, _: (rk4(law, ball, flight_s / STEPS), None), start, None, length=STEPS)[0]
     return jnp.stack([*end.position_m, *end.velocity_m_s])
+
+
+FLOWN, SET = ("distance_m", "hood_deg", "motor_ratio", "flight_s"), ("hood_deg", "motor_ratio", "lead_deg")
+CHECKED = 40                          # distances at which a file is checked
+MOST_LOST = 0.05                      # points that a set point of the file may fall short of the best by
+LEAST_LEAD_DEG = 0.05                 # what is less is left out
+INCH_M = 0.0254
+
+
+@dataclass(frozen=True, eq=False)
+class AimCheck(Printed):
+    """An aim file against the simulator, at distances [n] between its ends.
+
+    points, best: expected points of the file's set points, and of those found again.
+    """
+
+    distance_m: Rows
+    points: Rows
+    best: Rows
+
+    @property
+    def lost(self) -> float:
+        """Points by which the worst of the file's set points falls short."""
+        return max(float(np.max(self.best - self.points)), 0.0)
+
+    @property
+    def passed(self) -> bool:
+        return self.lost <= MOST_LOST
+
+    def lines(self) -> list[str]:
+        """Return how far the file's set points fall short of the best."""
+        return [f"at {len(self.distance_m)} random distances at most {self.lost:.2f} points short of the best"]
+
+
+def aim_bytes(rows: Sequence[AimRow], refused: Iterable[tuple[float, str]], rig: Rig, note: str,
+              provenance: dict[str, Any], belief: Belief) -> bytes:
+    """The sealed file; a distance without a set point parts it. InputError where no two neighbours are left."""
+    gaps = [distance_m for distance_m, _ in refused]
+    columns = [np.array([getattr(row, name) for row in rows]) for name in FLOWN]
+    moving = np.column_stack(on_the_move(rig, belief, *columns))
+    runs: list[list[int]] = [[0]]
+    for number, (before, row) in enumerate(pairwise(rows), 1):
+        if any(before.distance_m < gap < row.distance_m for gap in gaps):
+            runs.append([])
+        runs[-1].append(number)
+    segments = tuple(_segment([rows[number] for number in run], moving[run]) for run in runs if len(run) > 1)
+    if not segments:
+        raise InputError("distances_m: no two neighbouring distances have a set point; an aim file needs them")
+    content = AimContent(SCHEMA, UNSEALED, contract_hash(), note, rig_of(rig), segments, provenance)
+    return seal(msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n")
+
+
+def check_aim_file(aim: AimFile, belief: Belief, rig: Rig, seed: int = 0) -> AimCheck:
+    """Solve for the best set points at random distances, within the file's hood angles, and compare."""
+    segments = aim.content.segments
+    spans = np.array([segment.distance_m[-1] - segment.distance_m[0] for segment in segments])
+    rng = np.random.default_rng([seed, 41])
+    chosen = rng.choice(len(segments), CHECKED, p=spans / spans.sum())
+    distance_m = np.sort([segments[k].distance_m[0] + rng.uniform() * spans[k] for k in chosen])
+    points = [point for point in map(aim.at, map(float, distance_m)) if point is not None]
+    hood_deg, ratio = np.array([point.hood_deg for point in points]), np.array([point.motor_ratio for point in points])
+    angles = [angle for segment in segments for angle in segment.hood_deg.value]
+    best = solve(rig, belief, distance_m, (min(angles), max(angles))).chances
+    return AimCheck(distance_m, chances_of(rig, belief, distance_m, hood_deg, ratio).points, best.points)
+
+
+def _segment(rows: Sequence[AimRow], moving: Float[np.ndarray, "n 5"]) -> Segment:
+    x = np.array([row.distance_m for row in rows])
+
+    def curve(y: Rows) -> Curve:
+        slope = PchipInterpolator(x, y).derivative()(x) if len(x) > 2 else np.full(2, (y[1] - y[0]) / (x[1] - x[0]))
+        return Curve(tuple(map(float, y)), tuple(map(float, slope)))
+
+    hood, ratio, lead = (curve(np.array([getattr(row, name) for row in rows])) for name in SET)
+    known = np.flatnonzero(np.isfinite(moving).all(axis=1))
+    if len(known) < 2 or np.ptp(known) != len(known) - 1:
+        return Segment(tuple(map(float, x)), hood, ratio, lead)
+    carry, sideways, trim, bend, sink = map(curve, moving[np.clip(np.arange(len(x)), known[0], known[-1])].T)
+    return Segment(tuple(map(float, x)), hood, ratio, lead,
+                   Motion(carry, sideways, trim, bend, sink, float(x[known[0]]), float(x[known[-1]])))
+
+
+def has_lead(rows: Iterable[Any]) -> bool:
+    """Whether a set point is aimed beside the target."""
+    return any(abs(row.lead_deg) >= LEAST_LEAD_DEG for row in rows)
+
+
+def _lines(head: str, templates: Sequence[str], rows: Iterable[Any], notes: bool = True) -> str:
+    """The head, and of each row the filled-in templates, below what its belief does not cover."""
+    lines = [head]
+    for row in rows:
+        at = {"m": row.distance_m, "inch": row.distance_m / INCH_M, "hood": row.hood_deg, "zenith": 90.0 - row.hood_deg,
+              "rpm": row.motor_rad_s * RPM, "rad_s": row.motor_rad_s, "rev_s": row.motor_rad_s / (2.0 * math.pi),
+              "s": row.flight_s, "lead": row.lead_deg}
+        lines += [f"// {row.distance_m:.3f} m: {row.note}"] if notes and row.note else []
+        lines += [template.format(**at) for template in templates]
+    return "\n".join(lines) + "\n"
+
+
+def java_text(rows: Iterable[Any]) -> str:
+    """Statements for two edu.wpi.first.math.interpolation.InterpolatingDoubleTreeMap, keyed by distance in m."""
+    lead = has_lead(rows := tuple(rows))
+    return _lines("// by truearc aim: distance (m) -> hood (deg above the horizontal), motor (rpm)"
+                  + ", lead (deg to the left)" * lead,
+                  ("hoodDeg.put({m:.3f}, {hood:.2f});", "motorRpm.put({m:.3f}, {rpm:.1f});",
+                   *["leadDeg.put({m:.3f}, {lead:.2f});"] * lead), rows)
+
+
+def cpp_text(rows: Iterable[Any]) -> str:
+    """An array that needs no library."""
+    lead = has_lead(rows := tuple(rows))
+    head = ("// by truearc aim: distance (m), hood (deg above the horizontal), motor (rpm)"
+            + ", lead (deg to the left)" * lead + "\nstruct SetPoint { double distance_m, hood_deg, motor_rpm"
+            + ", lead_deg" * lead + "; };\nconstexpr SetPoint kSetPoints[] = {")
+    lines = _lines("", ("    {{{m:.3f}, {hood:.2f}, {rpm:.1f}" + ", {lead:.2f}" * lead + "}},",), rows)
+    return head + lines.replace("\n//", "\n    //") + "};\n"
+
+
+def json_3476_text(rows: Iterable[Any]) -> str:
+    """A file as team 3476's shooterconfig.json of 2020: distance in inches, hood in degrees, motor in rpm."""
+    configs = [{"distance": round(row.distance_m / INCH_M, 2), "hoodEjectAngle": round(row.hood_deg, 2),
+                "flywheelSpeed": round(row.motor_rad_s * RPM, 1)} for row in rows]
+    return json.dumps({"shooterConfigs": configs}, indent=2) + "\n"
+
+
+# Shapes of teams' public code. 6328's ShotCalculator of 2026: hood from the vertical, in InterpolatingTreeMap and
+# InterpolatingDoubleTreeMap of WPILib; 254's Constants of 2020; files as 2928's robot of 2026 and 3476's of 2020 load
+# them.
+TEAMS: dict[str, Callable[[Iterable[Any]], str]] = {
+    "java-6328": partial(_lines, "// by truearc aim: distance (m) -> hood (deg from the vertical), motor (rad/s), time "
+                         "of flight (s)", ("shotHoodAngleMap.put({m:.3f}, Rotation2d.fromDegrees({zenith:.2f}));",
+                                        "shotFlywheelSpeedMap.put({m:.3f}, {rad_s:.2f});",
+                                        "timeOfFlightMap.put({m:.3f}, {s:.3f});")),
+    "java-254": partial(_lines, "// by truearc aim: distance (in) -> hood (deg above the horizontal), motor (rpm)", (
+        "kLaserNewHoodMap.put(new InterpolatingDouble({inch:.2f}), new InterpolatingDouble({hood:.2f}));",
+        "kLaserRPMMap.put(new InterpolatingDouble({inch:.2f}), new InterpolatingDouble({rpm:.1f}));")),
+    "csv-2928": partial(_lines, "distance_m,hood_angle_deg,velocity_rps", ("{m:.3f},{hood:.2f},{rev_s:.3f}",),
+                        notes=False),
+    "json-3476": json_3476_text}

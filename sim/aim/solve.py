@@ -1,6 +1,6 @@
-"""Distance -> the set point with the most expected points; of those that are nearly as good, a smooth row of them.
+"""Finds the set point with the most expected points at each distance; among near-equal ones, a smooth sequence.
 
-How likely a set point is to score follows from the belief's forecast of the height at the target.
+The probability that a set point scores follows from the belief's forecast of the height at the target.
 """
 
 from collections.abc import Mapping

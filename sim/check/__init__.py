@@ -1,1 +1,1 @@
-"""Plausibility of data: wrong units, axes and angles, which inference would turn into physics."""
+"""Plausibility checks of data: wrong units, axes and angles, which inference would mistake for physics."""

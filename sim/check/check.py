@@ -1,6 +1,6 @@
-"""Plausibility of a dataset before inference: wrong units, axes and angles, which a fit would turn into physics.
+"""Plausibility checks of a dataset before inference: wrong units, axes and angles, which a fit mistakes for physics.
 
-Each check has a name, and can be accepted by it. A check passes where the data cannot tell.
+Each check has a name, by which its warning can be accepted. A check passes if the data cannot decide it.
 """
 
 import math
@@ -14,43 +14,56 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
-from truearc.sim.check import flaw
-from truearc.sim.check.flaw import LENGTHS, TRACKS, Flaw
-from truearc.sim.check.tracks import judge_tracks
-from truearc.sim.data.columns import SPIN_VECTOR
+from truearc.sim.check import tracks
+from truearc.sim.check.tracks import LENGTHS, TRACKS, Flaw, judge_tracks
 from truearc.sim.data.dataset import Dataset, Floats, Shots, Times
+from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.physics.simulate import by_wheels, has_wheels, launch_state
 
 CHECKS = ("gravity", "axes", "bounce", "sample-interval", "track-length", "track-shots", "speed", "hood", "mass",
           "radius", "reach", "air", "target", "noise", "wheels", "height", "release", "balls", "spin")
-TOWER = 20.0                          # times as high as a launcher balls are dropped from
-LIGHTEST_KG_M3 = 3.0                  # of a ball: lighter is a balloon
+TOWER = 20.0                          # times as high as a launcher balls are dropped from; chosen: 100 m
+LIGHTEST_KG_M3 = 3.0                  # of a ball: lighter is a balloon; chosen: 2.5 times the air's
+# Derived: above the 6 to 10 that foam and table-tennis balls have whose radius is their diameter
 LIGHT_KG_M3 = 12.0                    # below this the radius may be the diameter
 HEAVY_KG_M3 = 1500.0                  # above this the mass may be in ounces; a bowling ball has 1400, a golf ball 1150
+# Derived: 1.05 to 1.7 for a foam ball of 7 inches (drag 0.5) at 2 to 9 m, times 1.15 to 1.5 of slip (team 971);
+# chosen: room of a half for lighter balls
 REACH = (0.9, 4.0)                    # launch speed of scoring shots, by the least that carries a ball so far in vacuum
+# Chosen: above TYPICAL and slip
 DOUBLED = 1.9                         # of it: a light ball, or the wheels' diameters for their radii
-TYPICAL = 1.3                         # of foam balls
+TYPICAL = 1.3                         # of foam balls; derived: 1.2 by air, and a little slip
+# Derived: as REACH, without slip
 MEASURED = (0.85, 2.0)                # of it where the speed itself was measured: slip does not add to drag
+# Chosen: beyond chance in a dozen shots, whose spread is known to a fifth
 STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
-UNEVEN = 0.04                        # and the least spread as recorded that is judged
-SCORES = 6                            # fewest scoring shots that are judged
-FASTEST_RIM = 3.0                     # surface speed of a ball over its speed; hard topspin has 1.5
-LOWEST_M = 0.3                        # of a target's height in another unit
+UNEVEN = 0.04                         # and the least spread that is judged; chosen: above launches' scatter of 2 to 3 %
+SCORES = 6                            # fewest scoring shots that are judged; chosen: twice TRACKS
+FASTEST_RIM = 3.0                     # surface speed of a ball over its speed; hard topspin has 1.5; chosen: twice that
+LOWEST_M = 0.3                        # of a target's height in another unit; chosen: nobody aims at the floor
+# Chosen: above a basket's 3 m, and above a launcher's usual exit
 USUAL_TARGET_M, USUAL_RELEASE_M = 4.0, 1.2  # heights above these may be in another unit
-THIN_KG_M3 = 0.5                      # air at 8 km
+THIN_KG_M3 = 0.5                      # air at 8 km; source: standard atmosphere (ICAO 1993)
 SPEEDS = (("miles per hour", "exit_speed_mph", 0.44704), ("feet per second", "exit_speed_ft_s", 0.3048),
           ("kilometres per hour", "exit_speed_km_h", 1.0 / 3.6))
 MISSED = "miss_height_m"
-OUNCE_KG = 0.0283495
+OUNCE_KG = 0.0283495                  # definition
 OF_KEY = {"world.gravity_m_s2": "gravity", "launcher.wheel.clock_deg": "wheels",
           "launcher.free_speed_rad_s": "speed", "tracker.scale_sd": "noise", "tracker.tilt_sd_deg": "noise",
           "tracker.clock_sd": "noise"}                    # key of the rig -> its check
+# Source: the Moon's
 WEAKEST_M_S2 = 1.2                    # gravity below this may be a multiple of the Earth's; the Moon has 1.6
+# Chosen: as scales and calipers err
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's
+# Chosen: feet and yards are farther off
 FROM_FLOOR = 0.25                     # share of the target's height to which those above the floor come near it
+# Chosen: slips are fewer
 IMPOSSIBLE = 0.2                      # share of heights that cannot be, above which their unit is another
+# Derived: 0.1 s too little of 1.5 s
 FASTEST = 1.15                        # acceleration of a fall from rest, by the rig's gravity: times err
+# Derived: a fall that takes seven times as long as without air
 SLOWEST = 0.02                        # of a shuttlecock's last metres: slower are times in another unit
+# Chosen: drag takes up to two thirds; an error of 5 %
 LIKELY = (0.3, 1.05)                  # of a ball's, in the unit that a message names
 
 
@@ -101,7 +114,7 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
     ball = list(_ball(dataset.rig))
     yield from ball
     yield from _balls(dataset.rig, dataset.shots) if all(one.warns for one in ball) else ()
-    launcher = [*_launcher(dataset.rig), *flaw.judge_wheels(dataset.rig, dataset.shots)]
+    launcher = [*_launcher(dataset.rig), *tracks.judge_wheels(dataset.rig, dataset.shots)]
     yield from launcher
     hood = list(_hood(dataset.shots))
     yield from hood
@@ -197,10 +210,11 @@ def _heights(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         return
     centre_m, outcome, height_m = rig.target.centre_height_m, np.array(shots.text("outcome")), shots.number(MISSED)
     line_m = shots.number("distance_m") * np.tan(np.radians(shots.number("hood_deg")))
+    # chosen: half and 1 m beyond the line of launch, and a tape's slip below the floor
     above_m = max(rig.launcher.release_height_m - centre_m, 0.0) + 1.0
     least_m, most_m = np.full(len(shots), -centre_m - 0.5), np.nan_to_num(1.5 * line_m + above_m, nan=np.inf)
     for word, half_m in (("two", rig.target.two_half_height_m), ("three", rig.target.three_half_height_m)):
-        wide_m = np.where(outcome == word, 1.5 * half_m + 0.1, np.inf)
+        wide_m = np.where(outcome == word, 1.5 * half_m + 0.1, np.inf)       # chosen: a rim and a tape err by less
         least_m, most_m = np.maximum(least_m, -wide_m), np.minimum(most_m, wide_m)
 
     def beyond(metres: float, zero_m: float = 0.0) -> int:
@@ -228,6 +242,7 @@ def _hood(shots: Shots) -> Iterator[Flaw]:
     for name in ("hood_deg", "exit_deg"):
         angle_deg = shots.number(name)
         known = np.abs(angle_deg[np.isfinite(angle_deg)])
+        # radians: none is above a right angle; turns: a quarter; flat throws, of 3 degrees, are neither
         if len(known) >= TRACKS and known.max() <= math.pi / 2 and np.median(known) > 0.05:
             turns = "turns: multiply them by 360; or like " if known.max() <= 0.25 else ""
             yield Flaw("hood", f"{shots.source}: {name}", f"no shot exceeds {known.max():.2f} degrees; these look like "
@@ -276,10 +291,9 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
     ratio = ratios(distance_m, hood_deg, speed_m_s)
     middle = float(np.median(ratio))
     path_m, other_m = (distance_m / np.maximum(part(np.radians(hood_deg)), 1e-3) for part in (np.cos, np.sin))
-    uneven = _uneven(ratio, path_m, flaw.ALL_BUT)
+    uneven = _uneven(ratio, path_m, tracks.ALL_BUT)
     unstated = "" if rig.launcher.release_height_m > 0.0 else "; or state launcher.release_height_m, which may be why"
-    other = ratios(distance_m, 90.0 - hood_deg, speed_m_s)
-    if _is_straighter(_uneven(other, other_m), uneven):
+    if _is_straighter(_uneven(ratios(distance_m, 90.0 - hood_deg, speed_m_s), other_m), uneven):
         yield Flaw("hood", f"{shots.source}: hood_deg", "the speeds of scoring shots fit their distances far better "
                     "if the angle is from the vertical; hood_deg is the elevation above the horizontal: 90 less that"
                     + unstated)
@@ -288,19 +302,19 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
             distance_m * metres, hood_deg, speed_m_s, release=release)):
         yield Flaw("reach", place, f"the speeds of scoring shots fit their distances far better if {what}{unstated}")
         return
-    if mixed := flaw.mixed_units(ratio, lambda far, metres: ratios(distance_m[far] * metres, hood_deg[far],
-                                                                   speed_m_s[far])):
+    if mixed := tracks.mixed_units(ratio, lambda far, metres: ratios(distance_m[far] * metres, hood_deg[far],
+                                                                     speed_m_s[far])):
         yield Flaw("reach", f"{shots.source}: distance_m", mixed)
         return
-    if rig.launcher.release_height_m > 0.0 and (lone := flaw.lone_shots(ratio, [shots.shot_id[row] for row in rows])):
+    if rig.launcher.release_height_m > 0.0 and (lone := tracks.lone_shots(ratio, [shots.shot_id[row] for row in rows])):
         yield Flaw("reach", f"{shots.source}: distance_m, hood_deg or speed", lone, warns=True)
     measured = np.isfinite(shots.number("exit_speed_m_s")[scoring]).all() and "exit_speed_m_s" in shots.numbers
-    (low, high), causes = MEASURED if measured else REACH, flaw.speed_causes(rig, shots)
+    (low, high), causes = MEASURED if measured else REACH, tracks.speed_causes(rig, shots)
     if low <= middle <= high:
         if middle > DOUBLED and by_wheels(shots).all():
             yield Flaw("reach", "rig.toml: launcher.wheel.radius_m", f"scoring shots leave with {middle:.2g} times the "
                        "speed that gets a ball so far without air; make sure that it is not the diameter" + "".join(
-                       f", nor {cause}" for cause in (flaw.MOTORS, flaw.GEARS) if causes.get(cause, 1.0) < 1.0),
+                       f", nor {cause}" for cause in (tracks.MOTORS, tracks.GEARS) if causes.get(cause, 1.0) < 1.0),
                        warns=True)
         return
     if measured:
@@ -311,7 +325,7 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         return
     yield Flaw("reach", f"{shots.source}: distance_m, hood_deg and the wheels", "scoring shots leave with "
                 f"{middle:.2g} times the speed that gets a ball so far without air; this looks like "
-                + flaw.likeliest({
+                + tracks.likeliest({
                     **{f"distance_m in {name}": float(np.median(ratios(distance_m * metres, hood_deg, speed_m_s)))
                        for name, (_, metres) in LENGTHS.items()},
                     **{f"target.centre_height_m in {name}, which would be {centre_m * metres:.3g} m":
@@ -369,21 +383,19 @@ def _uneven(ratio: Floats, path_m: Floats, least: float = 1.0) -> float:
     if len(ratio) < 2 * SCORES or flies.mean() < least:
         return math.inf
     logs, along_m = np.log(ratio[flies]), path_m[flies] - path_m[flies].mean()
-    drag = max(0.0, float(along_m @ logs) / max(float(along_m @ along_m), 1e-12))
-    return _spread(logs - drag * along_m)
+    return _spread(logs - max(0.0, float(along_m @ logs) / max(float(along_m @ along_m), 1e-12)) * along_m)
 
 
 def _spread(values: Floats) -> float:
     """Standard deviation by what the middle 90 % take: one shot with a lucky bounce does not widen it."""
-    return float(np.ptp(np.quantile(values, (0.05, 0.95)))) / 3.29
+    return float(np.ptp(np.quantile(values, (0.05, 0.95)))) / 3.29             # 2 Z90
 
 
 def judge_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:
     """Those of shots of which no launch is known: they were dropped from the release height."""
     rig, shots = dataset.rig, dataset.shots
     sped = has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
-    aimed = np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))
-    dropped = ~(sped & aimed)[times.shot]
+    dropped = ~(sped & (np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))))[times.shot]
     fallen_m = (rig.launcher.release_height_m - times.height_m)[dropped]
     if not len(fallen_m):
         return

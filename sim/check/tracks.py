@@ -1,46 +1,189 @@
-"""Plausibility of tracks: what they say by themselves of units and axes, and beside the launcher that threw them."""
+"""Plausibility checks of wheel speeds and tracks: units, gears, isolated shots and impossible flights."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
+from msgspec import structs
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.check.flaw import LENGTHS, TRACKS, Flaw, likeliest, speed_causes
-from truearc.sim.data.dataset import Dataset, Floats, Tracks
+from truearc.sim.data.dataset import Dataset, Floats, Shots, Tracks
+from truearc.sim.data.table import WHEEL
 from truearc.sim.physics.simulate import launch_state
 
+LENGTHS = {"millimetres": ("mm", 1e-3), "centimetres": ("cm", 0.01), "inches": ("in", 0.0254), "feet": ("ft", 0.3048)}
+RPM = math.pi / 30.0                  # definition
+# Chosen: so that one slip does not decide a median
+TRACKS = 3                            # fewest tracks, angles and heights that are judged
+MOTORS = "the motors' speeds, before the gears, given as the wheels'"
+GEARS = "gears upside down: launcher.wheel.gear is wheel speed / motor speed"
+SPEEDS = "launcher.free_speed_rad_s, or the wheels' speeds, in revolutions per "
+# Chosen: below any gear or unit that is named
+DROOPS = 1.3                          # a wheel's speed by its motor's, or the inverse, under load and by slack belts
+# logs of the speed of scoring shots by the least that carries a ball so far in vacuum
+# Derived: the first is half of what feet for metres make of speeds, ln(3.28) / 2; chosen: the others, below it
+APART, NEAR, LIKE = 0.3, 0.12, 0.25   # by which shots are far from the others, near, and like them,
+# Chosen: a few slips are allowed
+ALL_BUT, BETWEEN = 0.8, 0.15          # at least this share of those that are far, and at most that many in between
+# Derived: nearly as of feet for metres; chosen: a tenth are few
+LONE, FEW, LISTED = 0.5, 0.1, 5       # by which single shots are far, largest share of them, and how many are named
+# Chosen: as ALIKE
+UNIT = 0.2                            # of the log of the ratio, by which a wrong unit is likelier than a wrong part
+# Chosen: as drags of balls differ
+ALIKE = 1.2                           # causes that fit as well to within this are named together
+
+
+class Flaw(NamedTuple):
+    """One implausible thing: which check, the file and key, and a sentence with what to do."""
+
+    check: str
+    place: str
+    what: str
+    warns: bool = False               # it may well be true
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.what}"
+
+
+def speed_causes(rig: Rig, shots: Shots) -> dict[str, float]:
+    """What may be wrong of the wheels, and by what share of the recorded one a ball then leaves."""
+    causes = {f"{SPEEDS}minute": RPM, f"{SPEEDS}second": 2.0 * math.pi, "a wheel's diameter given as its radius": 0.5,
+              "half of a wheel's radius or gear given as the whole": 2.0}
+    if np.isfinite(shots.number("motor_ratio")).any() and not any(map(WHEEL.fullmatch, shots.numbers)):
+        causes["half of launcher.free_speed_rad_s or of motor_ratio"] = 2.0
+    geared = {(name := f"wheel_{wheel.name}_rad_s"): wheel.gear * shots.number(name) for wheel in rig.launcher.wheel}
+    turned = structs.replace(rig.launcher, wheel=tuple(
+        structs.replace(wheel, gear=1.0 / (wheel.gear or math.inf)) for wheel in rig.launcher.wheel))
+    before, *others = (launch_state(*one).get("exit_speed_m_s", np.full(len(shots), np.nan)) for one in (
+        (rig, shots), (rig, replace(shots, numbers={**shots.numbers, **geared})),
+        (structs.replace(rig, launcher=turned), shots)))
+    for cause, after in zip((MOTORS, GEARS), others, strict=True):
+        moved = after[before > 0.0] / before[before > 0.0]
+        if len(moved) and abs(np.median(moved) - 1.0) > 0.05:
+            causes[cause] = float(np.median(moved))
+    return causes
+
+
+def likeliest(found: Mapping[str, float], within: tuple[float, float], typical: float, otherwise: str) -> str:
+    """The causes by which a ratio would be most typical, of those by which it can be."""
+    off = {cause: abs(math.log(ratio / typical)) - UNIT * (" in " in cause) for cause, ratio in found.items()
+           if within[0] <= ratio <= within[1]}
+    best = min(off.values(), default=0.0)
+    return " or ".join(sorted((cause for cause in off if off[cause] < best + math.log(ALIKE) + 1e-9),
+                              key=lambda cause: off[cause])[:3]) or otherwise
+
+
+def judge_wheels(rig: Rig, shots: Shots) -> Iterator[Flaw]:
+    """Speeds of wheels that their motors' contradict, or that are one motor's although their gears differ."""
+    ratio, free_rad_s = shots.number("motor_ratio"), rig.launcher.free_speed_rad_s or math.nan
+    named = [(wheel, f"wheel_{wheel.name}_rad_s") for wheel in rig.launcher.wheel if wheel.gear]
+    for wheel, name in named:
+        shares = np.abs(shots.number(name) / np.where(ratio > 0.0, ratio * wheel.gear * free_rad_s, np.nan))
+        share = float(np.median(known)) if len(known := shares[np.isfinite(shares)]) >= TRACKS else 1.0
+        if share <= 0.0 or abs(math.log(share)) < math.log(DROOPS):
+            continue
+        stem = name.removesuffix("_rad_s")
+        likely = likeliest({f"revolutions per minute; rename the column to {stem}_rpm": share * RPM,
+                            f"revolutions per second; rename the column to {stem}_rev_s": share * 2.0 * math.pi,
+                            f"the motor's speed; multiply it by the gear, {wheel.gear:g}": share * abs(wheel.gear)},
+                           (1.0 / DROOPS, DROOPS), 1.0, "")
+        if likely:
+            yield Flaw("wheels", f"{shots.source}: {name}", f"is {share:.3g} times the speed by motor_ratio, free "
+                       f"speed and gear; this looks like {likely}")
+    columns = [shots.number(name) for _, name in named]
+    gears = [abs(wheel.gear) for wheel, _ in named]
+    if (len(columns) > 1 and np.isfinite(columns[0]).sum() >= TRACKS and max(gears) > DROOPS * min(gears)
+            and all(np.allclose(columns[0], one, equal_nan=True) for one in columns[1:])):
+        yield Flaw("wheels", f"{shots.source}: {', '.join(name for _, name in named)}", "are equal although the "
+                   "wheels' gears differ; make sure that they are not the motors', before the gears", warns=True)
+
+
+def mixed_units(ratio: Floats, other: Callable[[Bool[np.ndarray, " n"], float], Floats]) -> str:
+    """What to say where some shots' ratios are like the others' only with their distances in another unit."""
+    gets_there = ratio > 0.0
+    if gets_there.mean() < ALL_BUT / 2.0:
+        return ""
+    usual = float(np.quantile(ratio[gets_there], 0.75))
+    off = np.abs(np.log(np.maximum(ratio, 1e-9) / usual))
+    far = off > APART
+    if (off[~far] > NEAR).mean() > BETWEEN:
+        return ""                     # not two kinds of shots, but one that varies
+    read = [(metres, name, suffix) for name, (suffix, metres) in LENGTHS.items()]
+    read += [(1.0 / metres, f"metres among {name}", "m") for name, (_, metres) in LENGTHS.items()]
+    for scale, name, suffix in read if far.sum() >= TRACKS else ():
+        if (np.abs(np.log(np.maximum(other(far, scale), 1e-9) / usual)) < LIKE).mean() > ALL_BUT:
+            return (f"{far.sum()} of {len(far)} scoring shots look as if their distances were {name}: "
+                    f"convert these, for instance in a file of their own with a column distance_{suffix}")
+    return ""
+
+
+def lone_shots(ratio: Floats, names: Sequence[str]) -> str:
+    """What to say of a few scoring shots whose ratio is far from that of all others, which are alike."""
+    off = np.abs(np.log(np.maximum(ratio, 1e-9) / np.median(ratio))) if np.median(ratio) > 0.0 else np.zeros(len(ratio))
+    far = off > LONE
+    if not far.any() or far.mean() > FEW or np.quantile(off[~far], 0.9) > APART:
+        return ""
+    shown = ", ".join(f"{name} ({share:.2g} times)" for name, share in zip(
+        [name for name, one in zip(names, far, strict=True) if one][:LISTED], (ratio / np.median(ratio))[far],
+        strict=False))
+    return (f"scoring shots whose speed is far from what the others needed for their distance and angle: {shown}"
+            f"{', ...' if far.sum() > LISTED else ''}; make sure of these rows")
+
+
+# Chosen: lift and drag of foam balls change gravity by up to a half; units by 2.5 at least
 GRAVITY = (0.45, 1.7)                 # share of the rig's that drag and lift leave of it, at the least and at the most
+# Chosen: half of a quarter turn
 TILT_DEG = 45.0                       # of the measured gravity against -z: no camera is tilted as far
-INTERVAL_S = (1e-4, 0.6)
+INTERVAL_S = (1e-4, 0.6)              # chosen: a camera of 10 kHz, two pictures a second
+# Chosen: beyond slip to a third, and beyond one fast wheel of two
 SPEED = (0.2, 1.6)                    # of a tracked ball, by that of the wheels' surfaces
-SLIPS = 0.85                          # usual
-ALIKE = 1.15                          # gravity in the unit that a message names, over the rig's, or the inverse
+SLIPS = 0.85                          # usual; source: 67 to 87 % of surface speed (team 971)
+# Derived: below half of the least factor of two units, inches by centimetres, sqrt(2.54) = 1.6
+GRAVITY_ALIKE = 1.15                          # gravity in the unit that a message names, over the rig's, or the inverse
+# Derived: below half of the way from 4 to 3.28, sqrt(4 / 3.28) = 1.10
 HALVED = 1.08                         # four times gravity, or the inverse: feet have 3.28 times
+# Derived: below sqrt(2.54) = 1.6, for lift of 0.3 leaves 1 / 1.43
 LIFTED = 1.45                         # the same of a length: backspin leaves less of gravity
+# Chosen: centimetres of noise turn shorter ones
 FAR_M = 0.5                           # tracks that go less far have no direction
+# Chosen: over more, drag bends what is carried back
 NEAR_M = 5.0                          # tracks that begin farther off do not tell where the ball left
+# Chosen: as of drag on a foam ball over 2 m
 BENT = 0.1                            # share of the way back by which drag may bend it
+# Derived: the 15 degrees of the term track_tilt, tan(15 deg)
 TILT = 0.27                           # sine of the tilt that a fit allows a camera: it moves what is high aside
-BEHIND_M = 0.5                        # a ball may be seen before it leaves the launcher
+BEHIND_M = 0.5                        # a ball may be seen before it leaves the launcher; chosen: a launcher's length
+# Chosen: drag turns it by less than 45
 TURNED_DEG = 60.0                     # of a track's fall against that of the others
-ASIDE_DEG = 20.0                      # of where balls go against x
+ASIDE_DEG = 20.0                      # of where balls go against x; chosen: above the 15 degrees of the term track_roll
+# Chosen: scatter turns steeper ones back
 UPRIGHT_DEG = 85.0                    # hood angles from which a ball need not go forwards
+# Chosen: hoods err by a degree or two, a third of that spread, which leaves a correlation above 0.9
 ALIGNED, SPREAD_DEG = 0.5, 3.0        # correlation of the tracks' elevations with their shots', where both vary so much
+# Derived: five times that
 OFF_RELEASE_M = 0.2                   # a release height is misjudged by centimetres (term release_height: 0.04 usual)
-SAMPLES = 8                           # fewest of a track that is judged
+SAMPLES = 8                           # fewest of a track that is judged; chosen: twice the numbers of a cubic
+# Chosen: over twice the numbers that are fitted
 SPINS = 8                             # fewest tracks with a spin, of which its sign is judged
+# Derived: chance goes so far once in 10^9; if noise is understated by half, once in 400
 SURE = 6.0                            # standard errors of what falls otherwise than the others
+# Derived: half of what feet make, sqrt(3.28)
 LONGER = 1.8                          # times as long a part of the distance, or as short, as other tracks
+# Chosen: near twice, as a stated half makes it
 DOUBLE = 1.7                          # times the distance that balls seldom travel
-APART = 2.5                           # times the others' gravity, or a share of it, in tracks of another unit
+# Derived: the least of two units, inches by centimetres
+GRAVITY_APART = 2.5                           # times the others' gravity, or a share of it, in tracks of another unit
+# Chosen: more than a late sample; derived: chance reaches 8 once in 10^15
 RISEN, NOISES = 0.1, 8.0              # share of its heights, and times its noise, by which a track rises again
+# Chosen: a bounce turns a speed round at once
 KICK = 4.0                            # times its usual change of the vertical speed in the same time
+# Chosen: five samples of a film of a second
 WINDOW = 1.0 / 12.0                   # share of a track on either side, in which these speeds are taken
-DIFFERENCES = 20.0                    # variance of a third difference, by that of a sample
-MEDIAN = 0.6745                       # of the size of a normal deviate
+DIFFERENCES = 20.0                    # variance of a third difference, by that of a sample; derived: 1 + 9 + 9 + 1
+MEDIAN = 0.6745                       # of the size of a normal deviate; derived: normal quantile 0.75
 
 
 class Motion(NamedTuple):
@@ -89,6 +232,7 @@ def measure_motion(tracks: Tracks) -> Motion | None:
     pull = np.array([row[1].mean(axis=1) for row in rows])
     like = ~_apart(np.linalg.norm(pull, axis=1))
     whole = _gravity_of([row for row, one in zip(rows, like, strict=True) if one])
+    # 1.25 = sqrt(pi / 2) of a median's error; 1.5 = 1 / 0.67 of a deviation by its median size
     error = float(np.linalg.norm(1.25 * np.median(np.abs(solutions - np.median(solutions, axis=0)), axis=0)))
     along, (places, velocities) = np.array(toward), np.array(begins).transpose(1, 0, 2)
     return Motion(whole, 1.5 * error / math.sqrt(len(rows)), np.array(starts), places, velocities, np.array(shots),
@@ -105,7 +249,7 @@ def _bend_error(scaled: Floats, rest_m: Float[np.ndarray, "n 3"], degree: int) -
 def _apart(alone_m_s2: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Which tracks [n] have a gravity far from the others': by a unit, and beyond how much tracks differ anyway."""
     off = np.abs(np.log(alone_m_s2 / np.median(alone_m_s2)))
-    return np.asarray((off > math.log(APART)) & (off > 8.0 * np.median(off)))
+    return np.asarray((off > math.log(GRAVITY_APART)) & (off > NOISES * np.median(off)))
 
 
 def _gravity_of(rows: list[tuple[Floats, Floats]]) -> Floats:
@@ -158,8 +302,7 @@ def _spin_sign(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
         return
     rest = pull - made @ by
     noise = float(rest @ rest) / (known.sum() - made.shape[1])
-    error = math.sqrt(noise * float(np.linalg.inv(made.T @ made)[2, 2]))
-    if by[2] < -SURE * error:
+    if by[2] < -SURE * math.sqrt(noise * float(np.linalg.inv(made.T @ made)[2, 2])):
         yield Flaw("spin", f"{dataset.shots.source}: exit_spin_rev_s", "the more of it, the faster balls fall; "
                    "backspin, which lifts, is positive: if this is topspin, multiply it by -1", warns=True)
 
@@ -182,7 +325,8 @@ def _mixed(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
         return
     usual, other = float(np.median(alone)), float(np.median(alone[apart]))
     name = min(LENGTHS, key=lambda one: abs(math.log(other * LENGTHS[one][1] / usual)))
-    likely = f"these look like {name}; " if abs(math.log(other * LENGTHS[name][1] / usual)) < math.log(ALIKE) else ""
+    near = abs(math.log(other * LENGTHS[name][1] / usual)) < math.log(GRAVITY_ALIKE)
+    likely = f"these look like {name}; " if near else ""
     yield Flaw("gravity", "tracks: x_m, y_m, z_m, t_s", f"{apart.sum()} of {len(apart)} tracks have another unit than "
                f"the others: gravity and drag would be {other:,.3g} m/s2 in them, {usual:,.3g} in the others; {likely}"
                f"convert {_ids(dataset, motion.shot[apart].tolist())}")
@@ -244,15 +388,16 @@ def _is_upright(dataset: Dataset, motion: Motion, metres: float) -> bool:
     stated = np.tan(np.radians(np.where(np.isfinite(seen_deg), seen_deg, shots.number("hood_deg"))[rows]))
     if np.isfinite(stated).sum() >= TRACKS:
         return bool(abs(np.nanmedian(np.log(np.abs(slope / stated))) + math.log(metres)) < -0.5 * math.log(metres))
+    # chosen: a film shows a part of the way, or a little more than it
     return bool(np.isfinite(far).sum() >= TRACKS and 0.2 < np.nanmedian(far) < 1.2)
 
 
 def _slow(per_s: float, said: str) -> str:
     """What times look like of which a second has `per_s`."""
     for name, column, times in (("milliseconds", "t_ms", 1e3), ("microseconds", "t_us", 1e6)):
-        if abs(math.log(per_s / times)) < math.log(ALIKE):
+        if abs(math.log(per_s / times)) < math.log(GRAVITY_ALIKE):
             return f"these look like {name}: {said}; rename the column to {column}"
-    if 20.0 <= per_s < 1e3:
+    if 20.0 <= per_s < 1e3:             # rates of cameras
         return (f"these look like numbers of pictures, about {per_s:.0f} per second: {said}; divide them by the "
                 "camera's rate")
     return f"positions or times have another unit: {said}; state them in metres and seconds"
@@ -328,7 +473,7 @@ def _against_launcher(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
     yield from _elevations(dataset, motion)
     rows = motion.shot.astype(int)
     far = motion.reach_m / dataset.shots.number("distance_m")[rows]
-    if np.isfinite(far).sum() >= TRACKS and np.nanmedian(far) > 2.5:
+    if np.isfinite(far).sum() >= TRACKS and np.nanmedian(far) > 2.5:        # below 3.28, of feet
         yield Flaw("track-length", "tracks: x_m", f"balls travel {np.nanmedian(far):.2g} times distance_m; one of the "
                     "two has another unit")
     elif np.isfinite(far).sum() >= TRACKS and np.nanmedian(far) > DOUBLE:

@@ -1,1 +1,1 @@
-"""A dataset of shots on disk: reading it strictly, writing it exactly."""
+"""Datasets of shots on disk, which are read strictly and written exactly."""

@@ -1,6 +1,6 @@
-"""Tables of shots, tracks, traces and times <-> Dataset, strictly: every bad row is named.
+"""Conversion between Dataset and its tables of shots, tracks, traces and times. Errors name every bad row.
 
-The tables are a directory of rig.toml and CSV or Parquet files, or in memory: pandas, polars, NumPy, plain columns.
+The tables are a directory with rig.toml and CSV or Parquet files, or in memory: pandas, polars, NumPy, plain columns.
 """
 
 import hashlib
@@ -16,7 +16,7 @@ import numpy as np
 
 from truearc.errors import InputError, load_text, make_toml, near_key, parse_struct, parse_table, reworded, unknown_keys
 from truearc.robot.config.rig_spec import Rig, rig_errors
-from truearc.sim.data import columns as cols
+from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Dataset, Shots, Times, Traces, Tracks
 from truearc.sim.data.table import Cell, Problems, RawTable, as_cell, find_table, gathered, load_table
 
@@ -32,7 +32,7 @@ RIG = "rig.toml"
 
 
 def load_dataset(directory: str | Path) -> Dataset:
-    """Read the dataset in a directory: rig.toml, shots, and tracks, traces and times where there are any.
+    """Read the dataset in a directory: rig.toml, shots, and tracks, traces and times if present.
 
     InputError lists every bad row with file, line (CSV) or row (Parquet) and column.
     """
@@ -142,7 +142,7 @@ def _warn_of_copies(shots: Shots) -> None:
 
 def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems) -> tuple[RawTable, Rig]:
     """Hits as twos of a rig without a three; a problem are hits that could be twos or threes."""
-    outcome = [cols.text_of(cell).strip().lower() for cell in table.columns.get("outcome", ())]
+    outcome = [cols.cell_text(cell).strip().lower() for cell in table.columns.get("outcome", ())]
     hits = [row for row, word in enumerate(outcome) if word == cols.HIT]
     threes = [row for row, word in enumerate(outcome) if word in THREES]
     if threes and rig.target is not None and rig.target.hit_or_miss:
@@ -162,7 +162,7 @@ def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems)
 
 def _ids(table: RawTable, problems: Problems) -> tuple[str, ...]:
     first: dict[str, int] = {}
-    ids = tuple(cols.text_of(cell) for cell in table.columns["shot_id"])
+    ids = tuple(cols.cell_text(cell) for cell in table.columns["shot_id"])
     for row, name in enumerate(ids):
         if not name:
             table.fault(problems, row, "shot_id", "is missing")
@@ -216,7 +216,7 @@ def _traces(table: RawTable | None, row_of: dict[str, int], problems: Problems) 
 def _shot_rows(table: RawTable, row_of: dict[str, int], problems: Problems) -> np.ndarray:
     rows = np.full(len(table.lines), -1, dtype=np.int64)
     for row, cell in enumerate(table.columns["shot_id"]):
-        name = cols.text_of(cell)
+        name = cols.cell_text(cell)
         if name in row_of:
             rows[row] = row_of[name]
         else:
@@ -237,7 +237,7 @@ def _check_order(table: RawTable, shot: np.ndarray, t_s: np.ndarray, problems: P
 def save_dataset(directory: str | Path, dataset: Dataset) -> None:
     """Write a dataset as rig.toml and CSV; floats by repr. The directory must be new or empty (`check_free`).
 
-    ValueError when a number is infinite, which no reader would take.
+    ValueError if a number is infinite, which no reader accepts.
     """
     home = check_free(directory)
     home.mkdir(parents=True, exist_ok=True)
@@ -289,7 +289,7 @@ def _cells(name: str, column: Column) -> list[str]:
 
 
 def load_rig(path: str | Path) -> Rig:
-    """Read rig.toml; unknown keys are warned of on stderr; InputError names file and key of a bad one."""
+    """Read rig.toml. Warns of unknown keys on stderr; InputError names file and key of an invalid one."""
     text = load_text(path)
     for key in unknown_keys(parse_table(text, str(path)), Rig):
         print(f"warning: {path}: key {key} is not known and has no effect{near_key(key, Rig, None)}", file=sys.stderr)
@@ -345,12 +345,12 @@ def dataset(shots: Columns, *, rig: Rig | str | Path | Mapping[str, Any], tracks
         shots: One row per shot: a pandas or polars DataFrame, a structured NumPy array, or {column: n values}. The
             column shot_id is required; distance_m [m], hood_deg [deg], motor_ratio [1], outcome and others are known.
         rig: The rig: a Rig, the path of a rig.toml, or its contents as nested mappings.
-        tracks: One row per sample: shot_id, t_s [s], x_m, y_m, z_m [m]; launcher frame, x toward the target, y left,
-            z up. None: no tracks.
+        tracks: One row per sample: shot_id, t_s [s], x_m, y_m, z_m [m]; launcher frame, x toward the target, y left, z
+            up. None: no tracks.
         traces: One row per sample: shot_id, t_s [s, 0 when the ball is fed], signal, value. None: no telemetry.
-        times: One row per time that the ball came by a height: shot_id, height_m [m above the floor], t_s [s after its
-            release], sigma_s [s, standard deviation of that time]. None: no such times.
-        name: Of the dataset in reports.
+        times: One row per time at which the ball passed a height: shot_id, height_m [m above the floor], t_s [s after
+            its release], sigma_s [s, standard deviation of that time]. None: no times.
+        name: Name of the dataset in reports.
 
     Raises:
         InputError: names table, row (from 1) and column of every bad cell, the missing column, or the rig's key.

@@ -1,14 +1,14 @@
-"""Recorded sessions to a dataset of shots: a row for each, or for each configuration by the paper's labelling rule.
+"""Dataset from recorded sessions: one row per shot, or per configuration by the paper's labelling rule.
 
-The rule (section IV-A) labels a configuration by how repeatably it scores. R2 and R3 are the shares of its shots in the
-2-point region (which holds the 3-point one) and in the 3-point region. The paper's rule, and what it leaves open with
-the choice taken:
+The rule (section IV-A) labels a configuration by its repeatability. R2 and R3 are the shares of its shots in the
+2-point region (which contains the 3-point region) and in the 3-point region. The rule, with the choices made where the
+paper is silent:
 
     R3 >= 80 %                              -> three
     R3 < 80 % and R2 > 90 %                 -> two
-    R2 < 75 %                               -> removed; but a third of the paper's data are misses, which by this
-                                               sentence could not be: a configuration that never scores is a miss
-    75 % <= R2 <= 90 % and R3 < 80 %        -> not said: legitimate by the third rule, so two
+    R2 < 75 %                               -> removed; but a third of the paper's data are misses, which this rule
+                                               would exclude: a configuration that never scores is a miss
+    75 % <= R2 <= 90 % and R3 < 80 %        -> unspecified: legitimate by the third rule, so two
 """
 
 from collections.abc import Sequence
@@ -34,30 +34,29 @@ AVERAGED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s")
 
 
 def shots_from_sessions(sessions: Sequence[str | Path], name: str, telemetry: bool = True) -> Dataset:
-    """Return all marked shots of recorded sessions as a dataset; rejected and held trials are named in `left_out`.
+    """Return all marked shots of recorded sessions as a dataset; its `left_out` names rejected and held trials.
 
     Args:
         sessions: Session folders, of one rig.
-        name: Of the dataset.
-        telemetry: Whether to take the traces around each shot, too.
+        name: Name of the dataset.
+        telemetry: Whether to include the traces around each shot.
 
     Raises:
-        InputError: the sessions' rigs differ, two sessions have one name, or there is no shot at all.
+        InputError: the sessions' rigs differ, two sessions have the same name, or there are no shots.
     """
     if isinstance(sessions, str | Path):
         raise InputError(f"sessions: a list of folders is expected: [{str(sessions)!r}]")
-    return _from_folders([Path(session) for session in sessions], name, telemetry)
-
-
-def _from_folders(sessions: Sequence[Path], name: str, telemetry: bool) -> Dataset:
-    _check_names(sessions)
+    folders = [Path(session) for session in sessions]
+    names = [session.resolve().name for session in folders]
+    if twice := next((one for one in names if names.count(one) > 1), None):
+        raise InputError(f"two sessions are called {twice}: shot_id would not be unique")
     rows: list[tuple[str, Trial]] = []
     left_out: list[str] = []
     traces: list[tuple[int, float, str, float]] = []
-    configs = [load_session_config(session) for session in sessions]
-    for session, config in zip(sessions, configs, strict=True):
+    configs = [load_session_config(session) for session in folders]
+    for session, config in zip(folders, configs, strict=True):
         if config.rig != configs[0].rig:
-            raise InputError(f"{session}: recorded with another rig than {sessions[0]} ([rig] differs); import "
+            raise InputError(f"{session}: recorded with another rig than {folders[0]} ([rig] differs); import "
                              "them one by one")
         marked = load_trials(session)
         kept, dropped = _split(session, marked)
@@ -73,15 +72,8 @@ def _from_folders(sessions: Sequence[Path], name: str, telemetry: bool) -> Datas
                 left_out.append(f"{reader.cut_short}: telemetry after that is missing")
         rows += [(session.resolve().name, trial) for trial in kept]
     if not rows:
-        raise InputError(f"{', '.join(map(str, sessions))}: no marked shots")
+        raise InputError(f"{', '.join(map(str, folders))}: no marked shots")
     return Dataset(name, configs[0].rig, _shots(rows), None, Traces.of(traces), tuple(left_out))
-
-
-def _check_names(sessions: Sequence[Path]) -> None:
-    names = [session.resolve().name for session in sessions]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"two sessions are called {name}: shot_id would not be unique")
 
 
 def _unlike(session: Path, marked: list[Trial], in_ticks: dict[int, Trial]) -> list[str]:

@@ -1,20 +1,31 @@
-"""CSV and Parquet files -> cells in columns, each row knowing where it came from; and everything wrong with them,
-gathered, so that one run names it all."""
+"""Tables of text cells, and typed columns read from them: names, units, ranges and words.
+
+Cells come from CSV and Parquet files, and each row keeps its origin; all errors are collected, so that one run reports
+them together. A column such as `distance_ft`, `hood_rad` or `wheel_main_rpm` is converted to the expected unit and
+name.
+"""
 
 import csv
+import difflib
 import io
+import math
 import re
 import sys
 from codecs import BOM_UTF8
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from truearc.errors import MAX_BYTES, InputError, load_bytes
+from truearc.robot.config.rig_spec import MOST
+from truearc.robot.config.shot_map import CONVERTED, ZERO, unit_of
+from truearc.robot.config.shot_map import WHEEL as WHEEL
+from truearc.sim.data.dataset import Floats
 
 DECIMAL_COMMA = re.compile(r"^\s*([+-]?\d+),(\d+)\s*$")
 THOUSANDS = re.compile(r"^\s*[+-]?[1-9]\d{0,2},\d{3}\s*$")
@@ -65,10 +76,6 @@ class RawTable:
     in_memory: bool = False
     written: dict[str, tuple[str, float, float]] = field(default_factory=dict)
 
-    def converted(self, name: str) -> bool:
-        """Whether a column's numbers have another unit in the file."""
-        return self.written.get(name, ("", 1.0, 0.0))[1:] != (1.0, 0.0)
-
     def shown(self, name: str, number: float) -> str:
         """A number of a column as the file has it."""
         _, factor, zero = self.written.get(name, ("", 1.0, 0.0))
@@ -105,8 +112,7 @@ def load_table(path: Path, problems: Problems) -> RawTable:
 def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
     """Cells of CSV text with a header; empty cells are None. Blank lines, and empty columns behind the last that has a
     name, are skipped."""
-    mark = _separator(text, path)
-    rows = _rows(text, path, mark)
+    rows = _rows(text, path, _separator(text, path))
     top, header = next(rows, (1, []))
     width = len(header)
     while header and not header[-1].strip():              # spreadsheets write empty columns behind the last
@@ -213,3 +219,265 @@ def as_cell(value: object) -> Cell:
     if isinstance(value, bool | int | float):
         return value
     return value if isinstance(value, str) else str(value)
+
+
+OUTCOMES = ("miss", "two", "three")
+SPELLINGS = {"2": "two", "3": "three", "2.0": "two", "3.0": "three",
+             **dict.fromkeys(("n/a", "na", "-", "nan", "none"), "")}
+SIDES = ("low", "high", "left", "right")
+
+SPIN_VECTOR = ("exit_spin_x_rev_s", "exit_spin_y_rev_s", "exit_spin_z_rev_s")
+
+# (lowest, highest) that a launcher and a field can give; beyond is a slip of the pen or of a unit
+RANGES = {
+    "distance_m": (0.0, 100.0),
+    "hood_deg": (0.0, 90.0),
+    "motor_ratio": (0.0, 1.0),
+    "miss_height_m": (-100.0, 100.0),
+    "exit_speed_m_s": (0.0, 200.0),
+    "exit_deg": (-90.0, 90.0),
+    "exit_spin_rev_s": (-1000.0, 1000.0),
+    **dict.fromkeys(SPIN_VECTOR, (-1000.0, 1000.0)),
+    "t_s": (-math.inf, math.inf),
+    "since_last_shot_s": (0.0, math.inf),
+    "battery_v": (0.0, 1000.0),
+    "robot_speed_m_s": (-20.0, 20.0),
+    "temperature_c": (-90.0, 60.0),                           # of air anywhere on Earth
+    "pressure_pa": (30_000.0, 110_000.0),                     # from the highest mountain to the deepest shore
+    "mass_kg": (1e-4, 100.0),
+    "radius_m": (0.001, MOST["ball.radius_m"]),
+}
+# column -> what a number out of its range looks like, and what to do
+LOOKS = {
+    "distance_m": "if centimetres, rename the column to distance_cm; if inches, to distance_in",
+    "motor_ratio": "if percent, divide by 100; if rpm, divide by the motor's free speed in rpm",
+    "miss_height_m": "if centimetres, rename the column to miss_height_cm; if millimetres, to miss_height_mm",
+    "battery_v": "if millivolts, rename the column to battery_mv",
+    "temperature_c": "if kelvins, rename the column to temperature_k; if degrees Fahrenheit, to temperature_f",
+    "pressure_pa": "if hectopascals or millibars, rename the column to pressure_hpa; if kilopascals, to pressure_kpa",
+    "mass_kg": "if grams, rename the column to mass_g; if ounces, to mass_oz",
+    "radius_m": "if millimetres, rename the column to radius_mm; if centimetres, to radius_cm; if inches, to radius_in",
+}
+LOWER = {                                                     # the same of a negative number
+    "distance_m": "it is from the exit to the target along the floor, and has no sign",
+    "hood_deg": "it is the elevation above the horizontal",
+}
+HIT = "hit"                           # an outcome, too, where every hit counts alike
+NO_RANGE = (-math.inf, math.inf)
+ALIKE = 3                                                     # fewest bad numbers of a column that are one problem
+WORDS = {"outcome": OUTCOMES, "side": SIDES}
+# what people write of a shot -> the word of a map (robot/config/shot_map.py)
+SAID_OF_SHOTS = {
+    **dict.fromkeys(("1", "1.0", "true", "yes", "y", "goal", "in", "made", "score", "scored", "good", "success"),
+                    "hit"),
+    **dict.fromkeys(("0", "0.0", "false", "no", "n", "missed", "out", "left", "right", "wide", "fail", "failed",
+                     "rim", "rim out", "bounced", "bounced out"), "miss"),
+    **dict.fromkeys(("short", "low", "under", "front"), "miss-low"),
+    **dict.fromkeys(("long", "high", "over", "back"), "miss-high"),
+    **dict.fromkeys(("redo", "void", "discard", "test", "jam"), "rejected"),
+}
+TODO = {"hit": "; if it says that it went in, write hit", "miss": "; if it says that it missed, write miss",
+        "miss-low": "; write miss, and low in the column side",
+        "miss-high": "; write miss, and high in the column side", "rejected": "; leave the cell empty"}
+CORRECTIONS = {**{text: TODO[word] for text, word in SAID_OF_SHOTS.items()},
+               **dict.fromkeys(("rim", "bounced", "bounced out"), "; write hit if it went in, else miss")}
+TEXTS = ("session", "ball_id")
+
+# An undeclared column is one of numbers when its cells are, or when some are and its name ends in a unit (then
+# text in it is an error).
+UNITS = ("m", "s", "deg", "rad", "rad_s", "rev_s", "m_s", "v", "a", "c", "k", "pa", "kg", "kg_m3", "m_s2", "ratio",
+         "rpm", "nm", "hz", "n")
+NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
+NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.ASCII | re.IGNORECASE)
+# columns of shots without a range of their own that code reads by name
+OTHERS = ("config_id", "shot_id")
+# column of shots -> words by which a name means it, unless it or one of these is there
+MEANT_BY: dict[str, tuple[set[str], tuple[str, ...]]] = {
+    "shot_id": ({"shot", "id"}, ()),
+    "distance_m": ({"dist", "distance", "range"}, ()),
+    "hood_deg": ({"hood", "angle", "elevation", "pitch"}, ("exit_deg",)),
+    "motor_ratio": ({"ratio", "power", "throttle", "duty"}, ("exit_speed_m_s", WHEEL.pattern)),
+    "outcome": ({"outcome", "result", "score", "scored"}, ("miss_height_m",)),
+}
+# names of columns that are mostly meant as one that is read, where that is not there
+SYNONYMS = {**dict.fromkeys(("time", "time_s", "timestamp", "timestamp_s"), "t_s"), "ball": "ball_id",
+            **dict.fromkeys(("voltage", "voltage_v", "bus_v"), "battery_v"),
+            **dict.fromkeys(("temp", "temp_c"), "temperature_c"),
+            **dict.fromkeys(("exit_velocity_m_s", "velocity_m_s", "speed_m_s"), "exit_speed_m_s"),
+            "spin_rpm": "exit_spin_rpm", "spin_rev_s": "exit_spin_rev_s"}
+# names that say the motors' speed otherwise than by motor_ratio, and what to do with their numbers
+MOTOR = re.compile(r"(motors?|flywheels?|shooter)_?(rpm|speed|velocity|rad_?s|rev_?s|rps|deg_?s|percent|pct|output)?"
+                   r"(_(rpm|rad_s|rev_s|rps|deg_s|percent|pct))?|rpm|percent_output")
+MOTOR_HOW = ("is not read; motor_ratio is the motors' speed by their free speed: divide by the free speed in the same "
+             "unit, percent of it by 100, and name the column motor_ratio; or state each wheel: wheel_<name>_rpm, "
+             "wheel_<name>_rad_s")
+WHEELS = re.compile(r"wheels?_(rpm|rad_s|rev_s|speed|rps)")
+NEAR = 0.85                           # likeness of a column's name to one that is read, above which it is a slip
+
+
+def parse_number(cell: Cell) -> float | None:
+    """The number that a cell holds, finite or not; None when it holds none."""
+    if not isinstance(cell, str):
+        return None if cell is None else float(cell)
+    return float(cell) if NUMBER.fullmatch(cell) or NOT_FINITE.fullmatch(cell) else None
+
+
+def is_numeric(name: str, cells: list[Cell]) -> bool:
+    """Whether a column of shots is one of numbers."""
+    if name in RANGES or WHEEL.fullmatch(name):
+        return True
+    if name in WORDS or name in TEXTS or name == "shot_id":
+        return False
+    filled = [parse_number(cell) is not None for cell in cells if cell is not None]
+    if not filled or (any(filled) and not all(filled)):
+        return name.endswith(tuple(f"_{unit}" for unit in UNITS))
+    return all(filled)
+
+
+def need_columns(table: RawTable, names: Sequence[str]) -> None:
+    """InputError when columns are missing, naming the file and all of them."""
+    missing = [name for name in names if name not in table.columns]
+    if missing:
+        raise InputError(f"{table.place(-1)}: column{'s'[:len(missing) > 1]} {', '.join(missing)} "
+                         + ("are" if missing[1:] else "is") + " missing")
+
+
+def number_column(table: RawTable, name: str, problems: Problems, needed: bool = True) -> Floats:
+    """A column of finite numbers [n], NaN for an empty cell; a problem is any other cell, a number out of range, and an
+    empty cell where one is needed."""
+    low, high = RANGES.get(name, NO_RANGE)
+    values = np.full(len(table.lines), np.nan)
+    beyond: dict[int, float] = {}
+    odd: dict[str, list[int]] = {}
+    for row, cell in enumerate(table.columns[name]):
+        number = parse_number(cell)
+        if cell is None:
+            if needed:
+                table.fault(problems, row, name, "is missing")
+        elif number is None or not math.isfinite(number):
+            odd.setdefault("; decimals have a point, thousands no mark" if "," in str(cell) else
+                           "; write digits alone, and the unit in the column's name; leave the cell empty where there "
+                           "is none", []).append(row)
+        elif not low <= number <= high:
+            beyond[row] = number
+        else:
+            values[row] = number
+    for todo, rows in odd.items():
+        more = f"; here and in {len(rows) - 1} more rows" if len(rows) >= ALIKE else ""
+        for row in rows[:1 if more else None]:
+            table.fault(problems, row, name, f"{table.columns[name][row]!r} is not a finite number{todo}{more}")
+    alike = len(beyond) >= ALIKE and len(beyond) > np.isfinite(values).sum()
+    for row, number in list(beyond.items())[:1 if alike else None]:
+        table.fault(problems, row, name, _beyond(table, name, number)
+                    + (f"; here and in {len(beyond) - 1} more rows" if alike else ""))
+    return values
+
+
+def _beyond(table: RawTable, name: str, number: float) -> str:
+    """What to say of a number out of its column's range."""
+    low, high = RANGES[name]
+    converted = table.written.get(name, ("", 1.0, 0.0))[1:] != (1.0, 0.0)
+    looks = "make sure that its unit is as its name says" if converted else LOOKS.get(name, "")
+    if number < low == 0.0:
+        looks = LOWER.get(name, "")
+    said, least, most = (table.shown(name, value) for value in (number, low, high))
+    return f"{said} is out of range ({least} to {most})" + (f"; {looks}" if looks else "")
+
+
+def text_column(table: RawTable, name: str, problems: Problems, needed: bool = True) -> tuple[str, ...]:
+    """A column of texts, "" for an empty cell; a problem is a word that the column does not take, and an empty cell
+    where one is needed."""
+    words = WORDS.get(name)
+    values = tuple(map(cell_text, table.columns[name]))
+    if name == "outcome":
+        values = tuple(SPELLINGS.get(plain := value.strip().lower(), plain) for value in values)
+    if name == "side":
+        values = tuple(value.strip().lower() for value in values)
+    told: set[str] = set()
+    for row, value in enumerate(values):
+        if needed and not value:
+            table.fault(problems, row, name, "is missing")
+        elif words and value and value not in words and value not in told:
+            told.add(value)
+            more = values.count(value) - 1
+            table.fault(problems, row, name, f"{value!r} is none of {', '.join(words + (HIT,) * (name == 'outcome'))}"
+                        + CORRECTIONS.get(value, "")
+                        + (f"; here and in {more} more rows" if more else ""))
+    return values
+
+
+def cell_text(cell: Cell) -> str:
+    """A cell as text, "" for an empty one."""
+    return "" if cell is None else str(cell)
+
+
+def is_shot_column(name: str) -> bool:
+    """Whether code reads a column of shots by this name."""
+    return name in (*RANGES, *WORDS, *TEXTS, *OTHERS) or WHEEL.fullmatch(name) is not None
+
+
+def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Problems) -> RawTable:
+    """Return the table with columns renamed and converted; case and blanks in their names do not matter.
+
+    is_read: whether code reads a column of that name; others stay as they are. A problem is a column that stands for
+    one which is there too, or whose name is nearly that of one which is read and is not there.
+    """
+    columns: dict[str, list[Cell]] = {}
+    written = {}
+    for name, cells in table.columns.items():
+        read, factor, zero = read_as(name, is_read)
+        if read in columns:
+            problems.add(table.place(-1), name, f"stands for {read}, which is there already; keep one")
+        if read != name:
+            written[read] = (name, factor, zero)
+        columns[read] = cells if (factor, zero) == (1.0, 0.0) else [
+            cell if (number := parse_number(cell)) is None else (number - zero) * factor for cell in cells]
+    driven = any(re.fullmatch(one, have) for one in ("motor_ratio", *MEANT_BY["motor_ratio"][1]) for have in columns)
+    for name in columns:
+        if is_read("motor_ratio") and not driven and MOTOR.fullmatch("_".join(name.lower().split())):
+            problems.add(table.place(-1), name, MOTOR_HOW)
+            continue
+        meant = _meant(name, is_read, set(columns))
+        if is_read("motor_ratio") and WHEELS.fullmatch("_".join(name.lower().split())):
+            problems.add(table.place(-1), name, "names no wheel of the rig: wheel_<name>_rpm, or wheel_<name>_rad_s, "
+                         "with the name of a [[launcher.wheel]] of rig.toml")
+        elif meant:
+            unit = unit_of(meant)
+            others = ", ".join(meant.removesuffix(unit) + suffix for suffix in CONVERTED.get(unit, {}))
+            problems.add(table.place(-1), name, f"is not a column that is read; did you mean {meant!r}?"
+                         + (f" Of another unit: {others}" if others else ""))
+    return replace(table, columns=columns, written=written)
+
+
+def read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float, float]:
+    """The column that a name stands for, the factor of its numbers, and where they count from.
+
+    The name itself, 1 and 0 where it is another column.
+    """
+    plain = "_".join(name.lower().split())
+    if is_read(plain):
+        return plain, 1.0, 0.0
+    for unit, others in CONVERTED.items():
+        for suffix, factor in others.items():
+            read = plain.removesuffix(suffix) + unit
+            if plain.endswith("_" + suffix) and is_read(read) and unit_of(read) == unit:
+                return read, factor, ZERO.get(suffix, 0.0)
+    return name, 1.0, 0.0
+
+
+def _meant(name: str, is_read: Callable[[str], bool], there: set[str]) -> str | None:
+    """The column that a name is nearly that of, or that it has a word for, unless that one is there too."""
+    if is_read(name):
+        return None
+    words = set(re.split("[^a-z]+", name.lower()))
+    for column, (said, instead) in MEANT_BY.items():
+        if words & said and is_read(column) and not any(re.fullmatch(one, have) for one in (column, *instead)
+                                                        for have in there):
+            return column
+    plain = "_".join(name.lower().split())
+    if plain in SYNONYMS and is_read("shot_id") and read_as(meant := SYNONYMS[plain], is_read)[0] not in there:
+        return meant
+    plain = plain.removesuffix(unit_of(plain)).rstrip("_") if plain.startswith("wheel_") else plain
+    without_unit = [f"{plain}_{unit}" for unit in CONVERTED if is_read(f"{plain}_{unit}")]
+    like = difflib.get_close_matches(plain, [*RANGES, *WORDS, *OTHERS], 1, NEAR)
+    return next((one for one in [*without_unit, *like] if is_read(one) and one not in there), None)

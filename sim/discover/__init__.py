@@ -1,1 +1,1 @@
-"""Discovery: locate, name and model the physics that a simulation leaves out."""
+"""Discovery: locating, naming and modelling the physics that a simulation lacks."""

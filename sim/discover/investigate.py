@@ -1,15 +1,16 @@
-"""Discovery: is there a mismatch, where is it, what is it, and how much better is a simulation that has it?
+"""Discovery: the detection, localization and naming of a mismatch, and the gain of a simulation that includes it.
 
-The belief made of an investigation has fitted coefficients with every named effect, and their covariance.
+The belief from an investigation has fitted coefficients, every named effect, and their covariance.
 
-A later session's balls may be others, and a fit that may say so attributes much of a change of the robot to them: on
-shots of that session it forecasts no worse. But the next session's balls are others again. So a belief is judged with
-the session's random effects of balls taken out: one that would then forecast its shots worse, by its 90 % interval, is
-not adopted, even if this session's balls gain by it; and one that they do not gain by is, if it is not worse.
+A later session may use different balls, and a fit with random effects of balls attributes much of any change in the
+robot to them, forecasting that session equally well. But the next session uses different balls again. A belief is
+therefore judged without the session's random effects of balls. If its forecasts are then worse, judged by the 90 %
+interval, it is not adopted, even if it gains with this session's balls; if they are not worse, it is adopted even
+without such a gain.
 
-Then it is judged by points (truearc.sim.discover.select.simulations): where hold-out shots, aimed and gated by it,
-would have scored fewer than by what stays without it, it is refused. The mean decides, not its interval: what is
-believed already costs nothing to keep, and a robot is not changed for something that is expected to lose.
+Next it is judged by points (truearc.sim.discover.select.simulations): it is refused if hold-out shots aimed and gated
+with it would have scored fewer points than with the present belief. The mean decides, not its interval: keeping the
+present belief costs nothing, and a robot should not be changed for an expected loss.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -40,8 +41,7 @@ from truearc.sim.infer.launcher import Launcher, LauncherFit, coefficients_of, c
 from truearc.sim.infer.likelihood.data import every_column, take_in
 from truearc.sim.infer.likelihood.layout import Layout, Measured, is_tracker, lay_out
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue
-from truearc.sim.physics.nonparametric import CURVE
+from truearc.sim.physics.catalogue import CURVE, Catalogue, as_catalogue, catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Progress
 from truearc.sim.statistics import POINTS_THREE, Z90

@@ -1,1 +1,1 @@
-"""The gate that takes the physics in: forecast, learned residual, calibration, and how far it may be believed."""
+"""Physics-informed gate: forecast, learned residual, calibration and domain of validity."""

@@ -1,19 +1,19 @@
-"""The gate: height at the plane = physics + a small learned residual + noise, seen as outcomes, and how it is fitted.
+"""Physics-informed gate and its fit: height at the plane = physics + a small learned residual + noise.
 
     y = h(x) - centre + r(x) + sigma(x) e,   e standard normal
     r(x) = height_width b . q(z) + speed_width (dh / dlog v)(x) c . q(z),   q = 1, z, z z' (10 functions)
     sigma(x)^2 = scale^2 propagated(x)^2 + floor^2
     three where |y| < three half-height, two where |y| < two half-height; a lapse gives any outcome
 
-The second half of r is an exit speed that is not quite what the launch terms say, the first all else. All numbers that
-are fitted are standard normal a priori: b and c as they stand, the others by what PRIORS says of their logarithm. How
-wide the residual may be a priori is chosen by the evidence. In a weights directory the gate is physics.json, which its
-probabilities follow from, beside training.json.
+The second part of r is a deviation of the exit speed from the launch terms, the first part everything else. All fitted
+numbers are standard normal a priori: b and c directly, the others as logarithms standardised by PRIORS. The evidence
+determines the prior width of the residual. A weights directory holds the gate as physics.json, which determines its
+probabilities, and training.json.
 
-Novelty is how far a configuration is from what was recorded: a domain of validity that follows the recorded cloud,
-since the box around it has empty corners, where nothing is known. It is the distance to the NEIGHBOUR-th nearest
-recorded configuration, each feature in its standard deviations, over the largest such distance that counts as known:
-LARGEST_QUANTILE of the recorded configurations' own, each without itself.
+Novelty is the distance of a configuration from the recorded ones. It defines a domain of validity that follows the
+recorded cloud, because the box around the cloud has empty corners, where nothing is known. It is the distance to the
+NEIGHBOUR-th nearest recorded configuration, each feature in its standard deviations, divided by the largest distance
+that counts as known: the LARGEST_QUANTILE of the recorded configurations' own distances, each without itself.
 """
 
 from dataclasses import dataclass, replace
@@ -26,6 +26,7 @@ import msgspec
 import numpy as np
 from jax.scipy.stats import norm
 from scipy.optimize import minimize
+from scipy.spatial import cKDTree
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
 from truearc.errors import InputError
@@ -38,10 +39,12 @@ from truearc.sim.infer.likelihood.noise import GATE_LAPSE, GATE_LAPSE_CELLS, GAT
 from truearc.sim.paper import network
 from truearc.sim.physics.simulate import opening_of
 
-FUNCTIONS = 10
+FUNCTIONS = 10                        # definition: of basis
 RESIDUAL = 2 * FUNCTIONS
 # (median, standard deviation of the log). The scale is of the propagated spread, which configurations labelled by
 # repeatability have next to nothing of; half-heights are those of rig.toml, which such labels make effectively smaller.
+# Chosen: the scale within a factor of two, a floor of 2 cm within three, half heights that a tape knows to a tenth,
+# of the small one to three
 PRIORS = {"scale": (1.0, 0.7), "floor_m": (0.02, 1.0), "two": (1.0, 0.1), "three": (1.0, 0.3), "lapse": GATE_LAPSE}
 SIZE = RESIDUAL + len(PRIORS)
 LAPSE_CELLS = np.array(GATE_LAPSE_CELLS)
@@ -49,7 +52,7 @@ LAPSE_CELLS = np.array(GATE_LAPSE_CELLS)
 SPEED_WIDTHS = (0.01, 0.015, 0.02, 0.03, 0.05, 0.08, 0.15)
 HEIGHT_WIDTHS_M = (0.001, 0.01, 0.03, 0.1)
 PAD = 64                              # rows are filled up to multiples of this: each size is compiled
-MAX_STEPS = 300
+MAX_STEPS = 300                       # of Newton's method at most
 
 
 class GateData(NamedTuple):
@@ -123,8 +126,7 @@ def log_likelihoods(theta: Any, widths: Widths, data: GateData, halves_m: Any) -
     sigma_m = spread_m(shape, data.sigma_m)
     seen = jnp.sum(cell_probabilities(shape, mean_m, sigma_m) * data.cells, axis=1)
     measured = ~jnp.isnan(data.miss_m)
-    apart = jnp.where(measured, data.miss_m, 0.0) - mean_m
-    density = norm.pdf(apart, scale=jnp.sqrt(sigma_m**2 + HEIGHT_M**2))
+    density = norm.pdf(jnp.where(measured, data.miss_m, 0.0) - mean_m, scale=jnp.sqrt(sigma_m**2 + HEIGHT_M**2))
     anywhere = shape.lapse / (2.0 * GATE_SLIP_M)
     return jnp.log(jnp.where(measured, (1.0 - shape.lapse) * density + anywhere, jnp.maximum(seen, 1e-300)))
 
@@ -151,8 +153,7 @@ def fit_widest(data: GateData, halves_m: tuple[float, float]) -> GateFit:
     """The fit whose widths have the most evidence: first the speed's is chosen, then the height's; deterministic."""
     data = padded(data)
     best = _best(data, halves_m, [Widths(HEIGHT_WIDTHS_M[0], speed) for speed in SPEED_WIDTHS], None)
-    more = [Widths(height_m, best.widths.speed) for height_m in HEIGHT_WIDTHS_M[1:]]
-    return _best(data, halves_m, more, best)
+    return _best(data, halves_m, [Widths(height_m, best.widths.speed) for height_m in HEIGHT_WIDTHS_M[1:]], best)
 
 
 def fit_once(data: GateData, halves_m: tuple[float, float], widths: Widths, start: np.ndarray | None = None) -> GateFit:
@@ -172,8 +173,7 @@ def fit_once(data: GateData, halves_m: tuple[float, float], widths: Widths, star
     if not np.isfinite(done.fun) or not np.isfinite(eigenvalues).all():
         raise InputError("the gate could not be fitted: the likelihood of these shots is not a number")
     eigenvalues = np.maximum(eigenvalues, 1e-3)   # the prior alone gives 1: less is only where the maximum is flat
-    covariance = (axes / eigenvalues) @ axes.T
-    return GateFit(widths, done.x, covariance, float(-done.fun - 0.5 * np.log(eigenvalues).sum()))
+    return GateFit(widths, done.x, (axes / eigenvalues) @ axes.T, float(-done.fun - 0.5 * np.log(eigenvalues).sum()))
 
 
 def padded(data: GateData) -> GateData:
@@ -195,16 +195,18 @@ def _best(data: GateData, halves_m: tuple[float, float], tried: list[Widths], be
     return best
 
 
-NEIGHBOUR = 3                         # a single stray shot makes no domain; many would cut the cloud's edge off
-LARGEST_QUANTILE = 0.99
+NEIGHBOUR = 3                         # a single stray shot makes no domain; many would cut the cloud's edge off; chosen
+LARGEST_QUANTILE = 0.99               # chosen: one recorded shot in a hundred may be a slip
+# Chosen: below what sensors tell apart
 SAME_DISTANCE = 0.05                  # standard deviations: nearer than this is the same configuration again
-BLOCK = 4096                          # rows measured at once
+# Measured: so a decision takes under 50 us (python -m benchmarks.gate)
 MAX_LANDMARKS = 256                   # landmarks: what the exported graph measures from at every decision
 # Of a launcher whose scatter has not been fitted; the gate fits one number that scales it.
-TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}
+TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}  # chosen: as SCATTER_PRIOR has it, and a third more
 LOWEST_M = -40.0                      # where a ball that turns back before the plane is taken to pass
 STEEPEST_M = 30.0                     # per unit of log speed: beyond it a shot is far too weak to matter
-FAR = 1e3
+FAR = 1e3                             # stands for no bound
+# Chosen: over more a flight bends
 WIDEST_M = 1.5                        # first-order propagation of uncertainty does not hold for a larger spread
 MODEL_FILE = "physics.json"
 MODEL_SCHEMA = "truearc.physics-gate/1"
@@ -227,12 +229,7 @@ class Novelty:
     def __call__(self, features: np.ndarray) -> np.ndarray:
         """Novelty [n] of feature rows [n, 3] in the contract's order and units; float64."""
         z = (np.asarray(features, np.float64) - self.mean) * self.scale
-        blocks = [self._kth(z[first:first + BLOCK]) for first in range(0, len(z), BLOCK)]
-        return np.concatenate(blocks) / self.largest if blocks else np.zeros(0)
-
-    def _kth(self, z: np.ndarray) -> np.ndarray:
-        apart = np.linalg.norm(z[:, None, :] - self.landmarks, axis=2)
-        return np.partition(apart, self.neighbour - 1, axis=1)[:, self.neighbour - 1]
+        return np.asarray(cKDTree(self.landmarks).query(z, [self.neighbour])[0])[:, 0] / self.largest
 
 
 def fit_novelty(features: np.ndarray) -> Novelty:
@@ -345,8 +342,7 @@ class PhysicsGate:
     @property
     def shape(self) -> GateShape:
         """Scale, floor_m, two_m, three_m and lapse, as plain numbers."""
-        shape = shape_of(self.fit.theta, np.array(halves_of(self.rig)))
-        return GateShape(*map(float, shape))
+        return GateShape(*map(float, shape_of(self.fit.theta, np.array(halves_of(self.rig)))))
 
     def latent(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean of the height at the plane minus the target's centre, and its standard deviation, [n] in m each.
@@ -379,8 +375,7 @@ def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
     """
     centre_m = opening_of(rig, belief.coefficients, belief.catalogue).centre_m
     shots = Shots.of_settings(**{feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)})
-    scattered = belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER))
-    ahead = forecast(rig, scattered, shots)
+    ahead = forecast(rig, belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER)), shots)
     back = np.isnan(ahead.height_m)
     deviation_m = np.where(back, LOWEST_M, np.maximum(ahead.height_m - centre_m, LOWEST_M))
     by_speed_m = np.where(back, STEEPEST_M, STEEPEST_M * np.tanh(ahead.by_launch[:, 0] / STEEPEST_M))

@@ -1,4 +1,4 @@
-"""The paper's classifier: trained on recorded and simulated shots, judged on recorded ones, written as weights."""
+"""Training of the paper's classifier on recorded and simulated shots, and its evaluation on recorded ones."""
 
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -15,7 +15,8 @@ from truearc.sim.paper.network import Rows, accuracy, domain_of, save_weights, s
 from truearc.sim.paper.train_many import Job, Trained, batches_per_epoch, check_job, train_many
 from truearc.sim.printed import Printed, Progress
 
-CURVE_POINTS = 50
+CURVE_POINTS = 50                     # of a curve that is kept
+# Derived: a share is then not known to an eighth
 FEW_HELDOUT = 15                      # held-out shots, fewer than which are remarked on
 
 
@@ -115,6 +116,8 @@ def make_record(made: dict[str, Any], recipe: Recipe, job: Job, real: Rows, scor
     Args:
         made: holdout, validation, real_sha256, sim_sha256 and coefficients of the data.
     """
+    curve = trained.curve             # at most CURVE_POINTS of it, evenly, the last one last
+    marks = {round(len(curve) * (k + 1) / CURVE_POINTS) for k in range(CURVE_POINTS)} - {0}
     return {
         "version": version("truearc"), "seed": job.seed, "lambda": job.simulated_weight,
         "steps": trained.step, "epochs": trained.epoch, "most_steps": recipe.steps, "patience": recipe.patience,
@@ -122,14 +125,8 @@ def make_record(made: dict[str, Any], recipe: Recipe, job: Job, real: Rows, scor
         "real_sha256": made["real_sha256"], "sim_sha256": made["sim_sha256"],
         "sim_shots": len(job.simulated.features) if job.simulated else 0, "coefficients": made["coefficients"],
         "accuracy": score, "domain": domain_of(real.features), "novelty": novelty_record(fit_novelty(real.features)),
-        "curve": [[value if value == value else None for value in point] for point in _thinned(trained.curve)],
+        "curve": [[value if value == value else None for value in curve[mark - 1]] for mark in sorted(marks)],
     }
-
-
-def _thinned(curve: tuple[Any, ...]) -> list[Any]:
-    """At most CURVE_POINTS of a curve, evenly, the last one last."""
-    marks = {round(len(curve) * (k + 1) / CURVE_POINTS) for k in range(CURVE_POINTS)} - {0}
-    return [curve[mark - 1] for mark in sorted(marks)]
 
 
 def _careful(score: dict[str, Any], simulated: bool) -> list[str]:

@@ -1,4 +1,4 @@
-"""What we believe of a launcher: coefficients, free curves, scatter of the launch, and how well each is known.
+"""A belief about a launcher: coefficients, free curves and launch scatter, with their uncertainty.
 
     schema = "truearc.coefficients/1"
     [drag]
@@ -8,7 +8,7 @@
     [provenance]
     method = "grid"
 
-A fit by likelihood adds two tables, which the grid does not write:
+A likelihood fit adds two tables, which the grid fit does not write:
 
     [scatter]
     speed = 0.021                     # standard deviation of the log of the exit speed
@@ -17,22 +17,22 @@ A fit by likelihood adds two tables, which the grid does not write:
     names = ["drag.cd", "scatter.speed"]
     matrix = [[0.01, 0.0], [0.0, 0.04]]
 
-The matrix is that of the numbers on each parameter's own scale (truearc.sim.physics.term, named by its prior in
-the catalogue; scatters: their logarithm), on which the belief is about normal. An unexplained effect is a free curve:
-how its size goes with a covariate.
+The matrix is the covariance of the numbers on each parameter's own scale (truearc.sim.physics.term, given by its prior
+in the catalogue; for scatters the logarithm), on which the belief is approximately normal. An unexplained effect is a
+free curve: its size as a function of a covariate.
 
-    [free_speed]                      # what it changes, a term of truearc.sim.physics.nonparametric
+    [free_speed]                      # the changed quantity, a term of truearc.sim.physics.catalogue
     share = 1.0
     [curve.free_speed]
     covariate = "distance_m"          # absent: the same in every shot
     at = [2.1, 3.4, 4.6, 5.8, 7.2]    # or levels = ["north", "south"] of a text column
     value = [0.0, 0.0, 0.01, 0.03, 0.06]
-    low = 1.9                         # beyond what was recorded it goes on level
+    low = 1.9                         # constant beyond the recorded range
     high = 7.6
-    otherwise = 0.02                  # where the covariate is unknown: the mean of what was recorded
+    otherwise = 0.02                  # if the covariate is unknown: the mean over the recorded shots
 
-Between the knots it is the natural cubic spline of discovery's own fit, beyond the outer ones straight. Its points are
-numbers of the belief, too: "curve.free_speed.0", "curve.free_speed.1", ...
+Between the knots it is the natural cubic spline of discovery's own fit, beyond the outer ones a straight line. Its
+points are also numbers of the belief: "curve.free_speed.0", "curve.free_speed.1", ...
 """
 
 import math
@@ -49,11 +49,10 @@ from scipy.interpolate import CubicSpline
 
 from truearc.errors import InputError, load_text, make_toml, parse_table, reworded, save_whole
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.columns import WHEEL
-from truearc.sim.data.conditions import ORDINARY, Circumstances
-from truearc.sim.data.dataset import Shots
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue, find_parameter, find_terms
-from truearc.sim.physics.nonparametric import CURVE, NAMELESS
+from truearc.sim.data.dataset import ORDINARY, Circumstances, Shots
+from truearc.sim.data.table import WHEEL
+from truearc.sim.physics import catalogue as terms
+from truearc.sim.physics.catalogue import CURVE, NAMELESS, Catalogue
 from truearc.sim.physics.simulate import launch_state
 from truearc.sim.physics.term import LINEAR, LOG, fits_scale, from_scale, to_scale
 from truearc.sim.printed import Printed
@@ -83,7 +82,7 @@ def load_table(path: str | Path) -> dict[str, Any]:
 
 def _values(path: str | Path, name: str, values: Any, among: Catalogue | None) -> dict[str, float]:
     try:
-        (term,) = find_terms([name], among)
+        (term,) = terms.find_terms([name], among)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     known = {parameter.name: parameter for parameter in term.parameters}
@@ -100,7 +99,7 @@ def _values(path: str | Path, name: str, values: Any, among: Catalogue | None) -
 
 
 Columns = Mapping[str, Any]           # name -> numbers [n], or texts (n of them)
-Curves = Mapping[str, "Curve"]        # by the term of truearc.sim.physics.nonparametric that takes it
+Curves = Mapping[str, "Curve"]        # by the term of truearc.sim.physics.catalogue that takes it
 
 
 class Curve(Struct, frozen=True, forbid_unknown_fields=True):
@@ -202,8 +201,7 @@ def _read_curve(place: str, table: Any) -> Curve:
         curve = msgspec.convert(table, Curve)
     except msgspec.ValidationError as error:
         raise InputError(f"{place}: {reworded(str(error), table)}") from error
-    numbers = (*curve.value, *curve.at, curve.otherwise)
-    if not np.isfinite(numbers).all():
+    if not np.isfinite((*curve.value, *curve.at, curve.otherwise)).all():
         raise InputError(f"{place}: a number in it is not finite")
     if curve.covariate and len(curve.value) != len(curve.levels or curve.at):
         raise InputError(f"{place}.value: {len(curve.value)} of them for {len(curve.levels or curve.at)} places")
@@ -249,10 +247,10 @@ class Belief(Printed):
 
     coefficients: {term: {parameter: value}}. scatter: {"speed": sd of the log of the exit speed from shot to shot,
     "elevation_deg": sd of the exit elevation}, empty when it was not fitted. names: "term.parameter" or "scatter.x",
-    one per row of `covariance` [p, p], which is on the parameters' own scales (module docstring); others are exact.
-    curves: sizes of unexplained effects, by their terms of truearc.sim.physics.nonparametric in `coefficients`.
-    catalogue: of the terms that the coefficients name.
-    provenance: how the belief came about, in plain values that a file keeps; nothing is computed from it.
+    one per row of `covariance` [p, p], which is on the parameters' own scales (module docstring); all others are exact.
+    curves: sizes of unexplained effects, by their terms of truearc.sim.physics.catalogue in `coefficients`. catalogue:
+    catalogue of the terms that the coefficients name. provenance: origin of the belief, in plain values that a file
+    keeps; nothing is computed from it.
     """
 
     coefficients: Coefficients
@@ -260,11 +258,11 @@ class Belief(Printed):
     names: tuple[str, ...]
     covariance: Float[np.ndarray, "p p"]
     curves: dict[str, Curve] = field(default_factory=dict)
-    catalogue: Catalogue = field(default_factory=catalogue)
+    catalogue: Catalogue = field(default_factory=terms.catalogue)
     provenance: dict[str, Any] = field(default_factory=dict)
 
     def other_rig(self, rig: Rig) -> str:
-        """Say how a rig differs from the one that the belief was fitted to; "" where it does not, or is unknown."""
+        """Describe how a rig differs from the one that the belief was fitted to; "" if it does not or is unknown."""
         fitted = self.provenance.get("rig")
         if not isinstance(fitted, Mapping):
             return ""
@@ -274,11 +272,11 @@ class Belief(Printed):
         return f"fitted to another rig: {', '.join(differ)}" if differ else ""
 
     def values(self) -> Float[np.ndarray, " p"]:
-        """The named parameters [p] on their scales: the mean that `covariance` goes with."""
+        """Return the named parameters [p] on their scales, the mean that belongs to `covariance`."""
         return np.array([float(to_scale(scale_of(name, self.catalogue), self.value(name))) for name in self.names])
 
     def value(self, name: str) -> float:
-        """One parameter by its "term.parameter" or "scatter.x", in its own unit."""
+        """Return one parameter, given as "term.parameter" or "scatter.x", in its own unit."""
         table, _, key = name.partition(".")
         if table == CURVE:
             term, _, point = key.partition(".")
@@ -286,7 +284,7 @@ class Belief(Printed):
         return self.scatter[key] if table == SCATTER else self.coefficients[table][key]
 
     def has(self, name: str) -> bool:
-        """Whether there is such a number in it."""
+        """Whether the belief contains the number."""
         try:
             self.value(name)
         except KeyError:
@@ -312,7 +310,7 @@ class Belief(Printed):
         save_whole(path, text.encode())
 
     def lines(self) -> list[str]:
-        """Return a line per number: its value, unit, and standard deviation, a factor where its scale is the log."""
+        """Return a line per number: its value, unit, and standard deviation (a factor if its scale is the log)."""
         doubt = dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
         names = [f"{term}.{key}" for term, values in self.coefficients.items() for key in values]
         return [self._line(name, doubt.get(name)) for name in (*names, *(f"{SCATTER}.{key}" for key in self.scatter))]
@@ -322,7 +320,7 @@ class Belief(Printed):
         known = "" if sd is None else f" × or / {np.exp(sd):.3g}" if scale == LOG else (
             f" ± {sd:.2g}" if scale == LINEAR else f" ± {sd:.2g} on its {scale} scale")
         scattered = "deg" if name.endswith("_deg") else "1"
-        unit = scattered if name.startswith(SCATTER + ".") else find_parameter(name, self.catalogue).unit
+        unit = scattered if name.startswith(SCATTER + ".") else terms.find_parameter(name, self.catalogue).unit
         return f"{name:28s} {self.value(name):.4g}{known}{'' if unit == '1' else f' {unit}'}"
 
 
@@ -330,14 +328,14 @@ def point_belief(coefficients: Mapping[str, Mapping[str, float]], scatter: Mappi
                  among: Catalogue | None = None) -> Belief:
     """A belief that is certain, such as the grid's pair is."""
     return Belief({name: dict(values) for name, values in coefficients.items()}, dict(scatter or {}), (),
-                  np.zeros((0, 0)), catalogue=as_catalogue(among))
+                  np.zeros((0, 0)), catalogue=terms.as_catalogue(among))
 
 
 def scale_of(name: str, among: Catalogue | None = None) -> str:
     """The scale of a parameter by its name; a parameter that is known, not fitted, has the linear one."""
     if name.startswith(SCATTER + "."):
         return LOG
-    prior = find_parameter(name, among).prior
+    prior = terms.find_parameter(name, among).prior
     return prior.scale if prior is not None else LINEAR
 
 
@@ -382,11 +380,11 @@ def from_table(table: Mapping[str, Any], name: str) -> Belief:
 
 
 def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:
-    """Read any coefficients.toml; one without [scatter] or [covariance] has an empty one.
+    """Read a coefficients.toml; a missing [scatter] or [covariance] is empty.
 
-    among: the catalogue of the terms that it may name, truearc.sim.physics.catalogue.catalogue() when not given.
+    among: the catalogue of permitted terms; by default truearc.sim.physics.catalogue.catalogue().
 
-    InputError names the file and key of what is not known, no number, out of its range, or no covariance.
+    InputError names the file and key of a value that is unknown, not a number, out of its range, or not a covariance.
     """
     return _read(load_table(path), path, among)
 
@@ -406,7 +404,7 @@ def _read(table: dict[str, Any], path: str | Path, among: Catalogue | None) -> B
     for term in taking:
         if term not in curves:
             raise InputError(f"{path}: {term}: has no [curve.{term}] to say how large it is")
-    belief = Belief(coefficients, scatter, names, covariance, curves, as_catalogue(among), provenance)
+    belief = Belief(coefficients, scatter, names, covariance, curves, terms.as_catalogue(among), provenance)
     for name in names:
         _check(path, name, belief)
     return belief

@@ -1,7 +1,7 @@
-"""A fit: a simulation where it is most probable of all, and what data say there of everything that it may lack.
+"""The fit of a simulation: its MAP estimate and, at that estimate, the scores of everything that it may lack.
 
-A fit owns its model (the simulation with the data that it is compared with), the point where it is, and the scores
-there. It knows nothing of launchers: all that it asks is in truearc.sim.infer.model.
+A fit owns its model (the simulation and the data to compare it with), its linearization point and the scores there. It
+is independent of launchers: truearc.sim.infer.model declares everything that it needs.
 """
 
 from collections.abc import Iterable
@@ -17,18 +17,21 @@ from truearc.sim.infer.model import AnyModel, Columns, Model, Shape
 from truearc.sim.printed import Progress, part_of
 
 ROUNDS = 40                           # of flying, and of steps between two flights
-INNER = 10
+INNER = 10                            # at most each
 PATIENCE = 8                          # flights that gain nothing, before what slopes promise is no longer believed
+# Source: Nocedal and Wright 2006, algorithm 4.1
 POOR, GOOD = 0.25, 0.75               # of the gain that slopes promise: below it steps get shorter, above it longer
-HALVINGS = 8
+HALVINGS = 8                          # of a step at most
 SETTLED = 1e-3                        # nats
-WORTH = 0.02                          # nats: a fifth of a standard error
+WORTH = 0.02                          # derived, nats: a move of a fifth of a standard error, 0.2^2 / 2
 PART = 0.1                            # of a step that is flown to see whether it gains
 LEAST_ROUNDS = 2                      # with samples, whose shots' own deviations must settle too
 LARGEST_STEP = 2.0                    # usual sizes that a column may move by in one step: all is linear nearby only
 SLACK = 0.3                           # nats a step may lose with samples: scores leave out changes of the spread
 NO_FLIGHT = -1e6                      # nats, of what does not fly
+# Chosen: 0.3 % of the prior lie beyond
 SHAPE_REACH = 3.0                     # standard deviations from a shape parameter's prior centre: the end of the search
+# Chosen: about 95 %; a shape is not identified where its term does nothing (Davies 1987)
 PLAIN = 2.0                           # standard errors of an amplitude, from which its term's shape is fitted, too
 
 
@@ -57,16 +60,14 @@ class Fit(Generic[AnyModel]):
     @property
     def amplitude(self) -> Float[Array, " k"]:
         """Their difference [k] from what was believed."""
-        difference: Array = self.value - self.before
-        return difference
+        return np.asarray(self.value - self.before)
 
     @property
     def wanted(self) -> Float[Array, " k"]:
         """`value`, or where the fit would go from there if the end of a range did not stop it."""
         scores, k = self.scores, len(self.names)
         step = scores.covariance @ (scores.score.sum(0) + scores.pull)
-        there: Array = self.value + step[:k]
-        return there
+        return np.asarray(self.value + step[:k])
 
     @property
     def lost(self) -> bool:

@@ -1,4 +1,4 @@
-"""What a fit tells: its numbers, those that cannot be told apart, and how well outcomes are predicted, as text."""
+"""The text report of a fit: its numbers, which of them are aliased, and how well it predicts outcomes."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.intervals import ProfileInterval
+from truearc.sim.infer.intervals import KNOWN, ProfileInterval
 from truearc.sim.infer.launcher import MapFit, Sought
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
 from truearc.sim.infer.likelihood.noise import UNMEASURED_M
@@ -15,8 +15,8 @@ from truearc.sim.infer.likelihood.observations import class_chances
 from truearc.sim.infer.likelihood.score_table import FOLDS, fit_linear
 from truearc.sim.printed import Progress, left_out_lines
 
+# Chosen: only a fifth of either's variance is left by the other
 CORRELATED = 0.9                      # pairs from here on are named
-SILENT = 0.7                          # a parameter known to more than this share of its prior's sd is the prior's
 
 
 @dataclass(frozen=True)
@@ -30,23 +30,7 @@ class AliasedPair:
     known_to: float
 
 
-@dataclass(frozen=True)
-class Identified:
-    """`share`: of its prior's sd to which each parameter is known. `from_prior`: those that the data hardly touch."""
-
-    pairs: tuple[AliasedPair, ...]
-    share: dict[str, float]
-    from_prior: tuple[str, ...]
-
-
-def identify(fit: MapFit) -> Identified:
-    """Return pairs that the fit keeps together, and how far each parameter is known beyond its prior."""
-    names = fit.names
-    share = {name: float(np.sqrt(fit.covariance[index, index])) for index, name in enumerate(names)}
-    return Identified(_pairs(fit), share, tuple(name for name in names if share[name] > SILENT))
-
-
-def _pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
+def aliased_pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
     """Pairs with a correlation of at least CORRELATED, strongest first, each with the combination that is fixed."""
     names, covariance = fit.names, fit.covariance * np.outer(slopes(fit), slopes(fit))
     sd = np.sqrt(np.diag(covariance))
@@ -67,7 +51,9 @@ def slopes(fit: MapFit) -> Float[np.ndarray, " p"]:
     return np.array([one.sd * one.slope(float(fit.scores.point[one.column])) for one in fit.sought])
 
 
+# Chosen: below what sensors tell apart
 STEPS = {"distance_m": 0.1, "hood_deg": 1.0, "motor_ratio": 0.01}      # shots within one step are one configuration
+# Source: Laplace's rule of succession (1814)
 SMOOTH = 1.0                          # shots of each outcome added to the shares that the fit competes with
 
 
@@ -139,8 +125,9 @@ def _groups(fit: MapFit) -> Int[np.ndarray, " n"]:
 EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m": "measured heights",
             "exit_speed_m_s": "measured exit speeds", "exit_deg": "measured exit angles",
             "exit_spin_rev_s": "measured spins", "tracks": "tracks", "times": "times at heights"}
+# Chosen: their noise is known to a tenth or better
 MISFIT = 1.3                          # times their noise that tracks differ from a fit that lacks something
-NEAREST = 15                          # shots whose median stands for "at this distance"
+NEAREST = 15                          # shots whose median stands for "at this distance"; chosen: a printed figure
 
 
 def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossValidation | None) -> list[str]:
@@ -161,8 +148,7 @@ def say_evidence(fit: MapFit) -> Iterable[str]:
     intake = fit.fitted.model.data
     used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in intake.used.items())
     yield f"fitted to {len(intake.rows)} of {len(fit.dataset.shots)} shots: {used}"
-    numbers = dict(zip((one.name for one in fit.scores.columns), fit.scores.point, strict=True))
-    wider = numbers.get("scatter.track")
+    wider = dict(zip((one.name for one in fit.scores.columns), fit.scores.point, strict=True)).get("scatter.track")
     if intake.scatter is not None and wider is not None:
         own_m = dict(zip("xyz", intake.scatter.sigma_m, strict=True))
         noise = ", ".join(f"{axis} {1000.0 * size:.2g}" for axis, size in own_m.items() if size < UNMEASURED_M)
@@ -228,15 +214,16 @@ def say_scatter(fit: MapFit) -> Iterable[str]:
 
 def say_identified(fit: MapFit) -> Iterable[str]:
     """What these shots cannot tell apart, or on their own not at all."""
-    found: Identified = identify(fit)
-    for pair in found.pairs:
+    pairs, share = aliased_pairs(fit), dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
+    silent = [name for name in fit.names if share[name] > KNOWN]
+    for pair in pairs:
         sign = "+" if pair.factor >= 0.0 else "-"
         yield (f"{pair.a} and {pair.b} are hard to tell apart: correlation {pair.correlation:.2f}; this dataset fixes "
                f"{pair.a} {sign} {number_text(abs(pair.factor))} {pair.b}, to {number_text(pair.known_to)}")
-    for name in found.from_prior:
-        yield (f"{name}: these shots say hardly more than was believed before ({found.share[name]:.0%} of the prior's "
+    for name in silent:
+        yield (f"{name}: these shots say hardly more than was believed before ({share[name]:.0%} of the prior's "
                "standard deviation is left)")
-    if not found.pairs and not found.from_prior:
+    if not pairs and not silent:
         yield "every parameter is fixed by these shots on its own"
 
 

@@ -1,4 +1,4 @@
-"""Heights at the plane forecast from a belief before the shot, with all that makes them uncertain (JAX)."""
+"""Forecasts of the height at the plane from a belief before the shot, with all sources of uncertainty (JAX)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,9 +14,8 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import SCATTER, Belief, before_the_shot, owners, scale_of
 from truearc.sim.infer.likelihood.data import Given, given_of
-from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
+from truearc.sim.physics.catalogue import CURVE, Catalogue, effective, flight_terms
 from truearc.sim.physics.flight import make_law, reach_plane
-from truearc.sim.physics.nonparametric import CURVE
 from truearc.sim.physics.simulate import leave, sense
 from truearc.sim.physics.term import Exit, from_scale
 
@@ -113,8 +112,7 @@ def along_curve(given: Given, numbers: tuple[Number, ...], at: Float[Any, " p"])
         if table == CURVE:
             term, _, place = point.partition(".")
             nothing = at[index] - jax.lax.stop_gradient(at[index])
-            size = getattr(around, term) + around.curve_by[:, int(place)] * nothing
-            around = around._replace(**{term: size})
+            around = around._replace(**{term: getattr(around, term) + around.curve_by[:, int(place)] * nothing})
     return given._replace(circumstances=around)
 
 
@@ -172,8 +170,7 @@ def _block(rig: Rig, belief: Belief, given: Given) -> tuple[Float[np.ndarray, "l
     launch = (given.rolled * (height.by_launch[:, 0] * speed)**2
               + given.hooded * (height.by_launch[:, 1] * np.radians(elevation_deg))**2)
     sensor = np.asarray(sensor_variance(height, np.asarray(flown.gain), given))
-    known = belief.covariance[np.ix_(inner, inner)]
-    doubt = np.maximum(np.einsum("ni,ij,nj->n", by_number, known, by_number), 0.0)
+    doubt = np.maximum(np.einsum("ni,ij,nj->n", by_number, belief.covariance[np.ix_(inner, inner)], by_number), 0.0)
     columns = (height.height_m, *map(np.sqrt, (launch + sensor + doubt, launch, sensor, doubt)))
     slopes = np.column_stack([height.by_launch, height.by_distance])
     near = height.near

@@ -1,7 +1,7 @@
-"""What a fit asks of a simulation: any system that answers it can be fitted and tested; the launcher is one.
+"""The interface between a fit and a simulation. Any system that implements it can be fitted and tested.
 
-A column is a number that is fitted ("shared") or only asked, as a term's amplitude; P columns, p of them shared. A
-point is where a simulation is linearised; it is the model's own, and only the model looks into it.
+A column is a number that is fitted ("shared") or only tested, such as a term's amplitude; p of the P columns are
+shared. A point is the linearization point of a simulation; it belongs to the model and is opaque to other code.
 """
 
 from collections.abc import Iterable, Sequence

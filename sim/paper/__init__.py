@@ -1,6 +1,6 @@
 """The paper's own method: grid fit, synthetic data, network, training and sweep; and its defaults.
 
-The defaults are the command line's, too: this module loads no numerical library.
+The command line uses the same defaults, so this module loads no numerical library.
 """
 
 import math
@@ -16,7 +16,7 @@ CHECK = 5000                          # steps between two looks at the losses
 
 @dataclass(frozen=True)
 class Recipe:
-    """How to train. The rate is the paper's, which gives no length.
+    """Settings of training. The rate is the paper's, which states no length.
 
     Raises:
         InputError: A count is below 1, or the rate is not above 0; the message names the option.

@@ -1,7 +1,7 @@
-"""The paper's coefficient search (section III-A and IV-C): every pair of drag and lift coefficient on a square grid.
+"""Grid search of the paper (sections III-A and IV-C) over all pairs of drag and lift coefficients on a square grid.
 
-`fit_grid` flies them all and chooses; `score` states how well coefficients explain outcomes, in the paper's measures
-(Table I); `explain` and `draw_map` report the fit.
+`fit_grid` simulates all pairs and chooses one; `score` rates coefficients by the paper's measures (Table I); `explain`
+and `draw_map` report the fit.
 """
 
 import math

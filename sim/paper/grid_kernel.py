@@ -1,10 +1,9 @@
-"""Flights of the grid, 64 abreast. A template: truearc.sim.physics.compiled puts the law of motion where
-`acceleration` stands.
+"""Vectorised flights for the grid, 64 at a time, by the paper's equation of motion: gravity, drag and lift in a plane.
 
-The same flight as truearc.sim.physics.flight's, in numbers instead of arrays: Runge-Kutta steps of a lane's own
-length, the turn, the plane and the floor solved within the last one. It goes on through the floor down to
-`deepest_m`, so that the height at the plane is continuous in the coefficients; the lowest height on the way is given
-beside it.
+The flight equals that of truearc.sim.physics.flight, with scalars instead of arrays: Runge-Kutta steps with a step
+length for each lane; the turning point and the crossings of plane and floor are found within the last step. It
+continues through the floor down to `deepest_m`, so that the height at the plane is continuous in the coefficients; the
+lowest height on the way is also returned.
 """
 
 import math
@@ -12,6 +11,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 from numba import njit
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.physics.terms.flight import drag_per_m
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -22,20 +24,29 @@ Ball = tuple[float, float, float, float]      # x, z, vx, vz
 LANES = 64                            # eight registers of eight doubles: enough to hide the latency of one
 NEWTON_STEPS = 8
 CLOSE_S = 1e-11                       # where Newton's method stops
+TINY = 1e-200                         # of a square of speed: a ball at rest
 # No promise that nothing is NaN or infinite: the others only let sums be reordered and products contracted.
 REORDER = {"nsz", "arcp", "contract", "afn", "reassoc"}
 fast = njit(fastmath=REORDER, error_model="numpy", nogil=True, cache=True)
 small = njit(fastmath=REORDER, error_model="numpy", nogil=True, cache=True, forceinline=True)
 
 
-# ---- the law of motion ----
-def acceleration(x_m: float, z_m: float, vx_m_s: float, vz_m_s: float, spin_rev_s: float, values: Pair,
-                 facts: Numbers) -> Pair:
-    """Stands for the law of motion, which is written once, in sim/physics/terms."""
-    raise NotImplementedError
+def facts_of(rig: Rig) -> Numbers:
+    """What the law takes of a rig: gravity in m/s2, drag_per_m of the drag term, and per rev/s of the lift term."""
+    cube_m3 = rig.ball.radius_m * rig.ball.radius_m * rig.ball.radius_m
+    lift_per_rev = 4.0 / 3.0 * 4.0 * math.pi**2 * cube_m3 * rig.air.density_kg_m3 / rig.ball.mass_kg
+    return float(rig.world.gravity_m_s2), drag_per_m(rig), lift_per_rev
 
 
-# ---- end of the law ----
+@small
+def acceleration(vx: float, vz: float, spin: float, values: Pair, facts: Numbers) -> Pair:
+    """Gravity, drag and lift in m/s2, as the terms of truearc.sim.physics have them; facts: see facts_of."""
+    cd, cl = values
+    gravity, drag_per_m, lift_per_rev = facts
+    drag = -cd * drag_per_m * math.sqrt(vx * vx + vz * vz + TINY)
+    lift = cl * lift_per_rev * spin
+    return drag * vx - lift * vz, drag * vz + lift * vx - gravity
+
 
 # Rows of the workspace, each LANES long. UNDER: 1 once below the floor; TIME: of the last step, up to turn or plane.
 X, Z, VX, VZ, SPIN, DISTANCE, STEP, UNDER, FLYING, CD, CL, LONGEST, TIME, GAP = (row * LANES for row in range(14))
@@ -46,13 +57,13 @@ ROWS = 14
 def advance(x: float, z: float, vx: float, vz: float, spin: float, values: Pair, facts: Numbers, step: float) -> Ball:
     """One Runge-Kutta step: (x, z, vx, vz) after it."""
     half = 0.5 * step
-    ax1, az1 = acceleration(x, z, vx, vz, spin, values, facts)
+    ax1, az1 = acceleration(vx, vz, spin, values, facts)
     vx2, vz2 = vx + half * ax1, vz + half * az1
-    ax2, az2 = acceleration(x + half * vx, z + half * vz, vx2, vz2, spin, values, facts)
+    ax2, az2 = acceleration(vx2, vz2, spin, values, facts)
     vx3, vz3 = vx + half * ax2, vz + half * az2
-    ax3, az3 = acceleration(x + half * vx2, z + half * vz2, vx3, vz3, spin, values, facts)
+    ax3, az3 = acceleration(vx3, vz3, spin, values, facts)
     vx4, vz4 = vx + step * ax3, vz + step * az3
-    ax4, az4 = acceleration(x + step * vx3, z + step * vz3, vx4, vz4, spin, values, facts)
+    ax4, az4 = acceleration(vx4, vz4, spin, values, facts)
     sixth = step * (1.0 / 6.0)
     return (x + sixth * (vx + 2.0 * (vx2 + vx3) + vx4), z + sixth * (vz + 2.0 * (vz2 + vz3) + vz4),
             vx + sixth * (ax1 + 2.0 * (ax2 + ax3) + ax4), vz + sixth * (az1 + 2.0 * (az2 + az3) + az4))
@@ -66,12 +77,11 @@ def goes_under(z0: float, vz0: float, z1: float, vz1: float, step: float) -> boo
 
 
 @small
-def step_of(x: float, z: float, vx: float, vz: float, spin: float, values: Pair, facts: Numbers, step_s: float,
-            turn_rad: float, shortest_s: float) -> float:
-    """The lane's step, as truearc.sim.physics.flight has it: what acts on a ball at rest does not count."""
-    ax0, az0 = acceleration(x, z, 0.0, 0.0, spin, values, facts)
-    ax, az = acceleration(x, z, vx, vz, spin, values, facts)
-    per_s = math.sqrt(((ax - ax0) ** 2 + (az - az0) ** 2) / (vx * vx + vz * vz + 1e-200)) + 1e-200
+def step_of(vx: float, vz: float, spin: float, values: Pair, facts: Numbers, step_s: float, turn_rad: float,
+            shortest_s: float) -> float:
+    """The lane's step, as truearc.sim.physics.flight has it: weight, which acts on a ball at rest, does not count."""
+    ax, az = acceleration(vx, vz, spin, values, facts)
+    per_s = math.sqrt((ax**2 + (az + facts[0]) ** 2) / (vx * vx + vz * vz + 1e-200)) + 1e-200
     return min(max(turn_rad / per_s, shortest_s), step_s)
 
 
@@ -95,8 +105,8 @@ def start_batch(w: Floats, launch: Floats, which: Ints, cd: Floats, cl: Floats, 
     for lane in range(LANES):
         w[X + lane], w[Z + lane] = 0.0, release_m
         values = w[CD + lane], w[CL + lane]
-        w[STEP + lane] = step_of(0.0, release_m, w[VX + lane], w[VZ + lane], w[SPIN + lane], values, facts, step_s,
-                                 turn_rad, shortest_s)
+        w[STEP + lane] = step_of(w[VX + lane], w[VZ + lane], w[SPIN + lane], values, facts, step_s, turn_rad,
+                                 shortest_s)
         w[UNDER + lane] = 1.0 if release_m < 0.0 else 0.0
         w[FLYING + lane] = 1.0 if (w[VX + lane] > 0.0) & (w[DISTANCE + lane] > 0.0) else 0.0
 
@@ -144,8 +154,8 @@ def turn_batch(w: Floats, facts: Numbers) -> float:
         rounds += 1.0
         turning = 0.0
         for lane in range(LANES):
-            tx, tz, tvx, tvz = part_of_step(w, facts, lane, w[LONGEST + lane])
-            slope, _unused = acceleration(tx, tz, tvx, tvz, w[SPIN + lane], (w[CD + lane], w[CL + lane]), facts)
+            _tx, _tz, tvx, tvz = part_of_step(w, facts, lane, w[LONGEST + lane])
+            slope, _unused = acceleration(tvx, tvz, w[SPIN + lane], (w[CD + lane], w[CL + lane]), facts)
             better = min(max(w[LONGEST + lane] - tvx / (slope if slope < 0.0 else -1e300), 0.0), w[STEP + lane])
             better = better if w[FLYING + lane] > 0.0 else w[STEP + lane]
             turning += 1.0 if abs(better - w[LONGEST + lane]) > CLOSE_S else 0.0
@@ -159,8 +169,7 @@ def reach_batch(w: Floats, facts: Numbers) -> None:
     for lane in range(LANES):
         tx, _tz, _tvx, _tvz = part_of_step(w, facts, lane, w[LONGEST + lane])
         vx, gap = w[VX + lane], w[DISTANCE + lane] - w[X + lane]
-        ax, _unused = acceleration(w[X + lane], w[Z + lane], vx, w[VZ + lane], w[SPIN + lane],
-                                   (w[CD + lane], w[CL + lane]), facts)
+        ax, _unused = acceleration(vx, w[VZ + lane], w[SPIN + lane], (w[CD + lane], w[CL + lane]), facts)
         divisor = vx + math.sqrt(max(vx * vx + 2.0 * ax * gap, 0.0))
         part = min(max(2.0 * gap / (divisor if divisor > 0.0 else 1e300), 0.0), w[LONGEST + lane])
         w[GAP + lane] = min(w[DISTANCE + lane] - tx, gap)

@@ -1,14 +1,13 @@
-"""Labels of launches at every pair of the coefficient grid: few flights, and the rest by interpolation.
+"""Labels of launches at every pair of the coefficient grid, from a few flights and interpolation.
 
-A cell is a block of grid points of one launch. Its flights are flown at 8 x 8 Chebyshev-Lobatto nodes; the height at
-the plane between them is a polynomial as soon as all nodes reach the plane and the last coefficients are small. Points
-whose height is too near to a bound of the target for that polynomial are marked, to be flown themselves.
-Maps are [cl, cd]; functions compiled by numba work on cells [first, last) of their arrays.
+A cell is a block of grid points of one launch. Its flights are computed at 8 x 8 Chebyshev-Lobatto nodes; between them
+the height at the plane is a polynomial if all nodes reach the plane and the last coefficients are small. Points whose
+height is too close to a bound of the target for that polynomial are marked for flights of their own. Maps are [cl, cd];
+functions compiled by numba work on cells [first, last) of their arrays.
 """
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -17,8 +16,7 @@ from numba import njit
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.compute import usable_cores
-from truearc.sim.physics.catalogue import flight_terms
-from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
+from truearc.sim.paper import grid_kernel
 from truearc.sim.physics.flight import LIMIT_S, SHORTEST
 from truearc.sim.physics.term import Exit
 from truearc.sim.printed import Progress
@@ -43,9 +41,6 @@ CUSP = 1.0                            # times what gaps to the plane differ else
 MAX_DOUBTFUL = 96                     # points flown singly before a split is cheaper
 
 compiled = njit(fastmath={"nsz", "arcp", "contract", "afn", "reassoc"}, error_model="numpy", nogil=True, cache=True)
-TERMS = flight_terms(("gravity", "drag", "magnus"))
-VALUES = (("drag", "cd"), ("magnus", "cl"))
-TEMPLATE = Path(__file__).with_name("grid_kernel.py")
 LANES = NODES * NODES
 BLOCK = 1 << 14                       # flights that one thread is handed at once
 AT_ONCE = 4                           # launches whose cells one thread looks at together
@@ -226,7 +221,7 @@ class Hits:
 
 @dataclass(frozen=True)
 class Flyer:
-    """Flies launches with pairs of coefficients, by machine code made from the law of motion."""
+    """Flies launches with pairs of coefficients."""
 
     kernel: ModuleType
     rig_values: tuple[float, ...]
@@ -247,11 +242,10 @@ class Flyer:
 
 
 def make_flyer(rig: Rig, exit: Exit, distance_m: np.ndarray) -> Flyer:
-    """A flyer of these launches; compiles once for a law, which takes seconds, and keeps the result on disk."""
-    kernel = load_kernel(make_source(rig, TERMS, VALUES), TEMPLATE)
+    """A flyer of these launches; the first flight compiles, which takes seconds, and the result stays on disk."""
     launch = np.stack([exit.speed_m_s * np.cos(exit.elevation_rad), exit.speed_m_s * np.sin(exit.elevation_rad),
                        exit.spin_rev_s, distance_m], axis=1)
-    return Flyer(kernel, facts_values(rig), float(rig.launcher.release_height_m), launch)
+    return Flyer(grid_kernel, grid_kernel.facts_of(rig), float(rig.launcher.release_height_m), launch)
 
 
 def label_launches(flyer: Flyer, axis: np.ndarray, target: Target, rows: range) -> np.ndarray:
@@ -322,8 +316,7 @@ def fly_pairs(flyer: Flyer, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
         pairs = np.arange(first, min(first + block, len(cd)))
         row = np.repeat(pairs, launches)
         height, gap, under = flyer.fly(np.tile(np.arange(launches), len(pairs)), cd[row], cl[row], SHORT)
-        missed = (gap > 0.0) | under
-        height_m[pairs] = np.where(missed, np.nan, height)[:len(row)].reshape(-1, launches)
+        height_m[pairs] = np.where((gap > 0.0) | under, np.nan, height)[:len(row)].reshape(-1, launches)
 
     with ThreadPoolExecutor(usable_cores()) as pool:
         list(pool.map(one, range(0, len(cd), block)))

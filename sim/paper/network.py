@@ -1,4 +1,4 @@
-"""The paper's network, and what it is trained on and judged by: rows of shots, their splits, loss, accuracy, domain.
+"""Network of the paper, its training rows and their splits, and its measures: loss, accuracy and domain.
 
 Three features, eight hidden nodes, two probabilities, a sigmoid after each layer. truearc.sim.paper.train_many trains.
 """
@@ -141,8 +141,7 @@ def _load_arrays(path: Path) -> dict[str, np.ndarray]:
             arrays = {name: np.asarray(file[name], np.float64) for name in file.files}
     except Exception as error:        # NumPy, zipfile and zlib each raise their own kinds on a damaged archive
         raise InputError(f"{path}: not a weights file ({error})") from error
-    shapes = {"mean": (len(FEATURES),), "scale": (len(FEATURES),), **SHAPES._asdict()}
-    for name, shape in shapes.items():
+    for name, shape in {"mean": (len(FEATURES),), "scale": (len(FEATURES),), **SHAPES._asdict()}.items():
         if name not in arrays:
             raise InputError(f"{path}: array {name!r} is missing")
         if arrays[name].shape != shape:
@@ -187,8 +186,7 @@ def training_rows(shots: Shots, name: str) -> tuple[Rows, list[str]]:
     outcomes = shots.text("outcome")
     unjudged = np.array([outcome not in LABELS for outcome in outcomes], bool)
     features, kept, left_out = usable_rows(shots, name, unjudged, "no outcome")
-    labels = np.array([LABELS[outcomes[row]] for row in kept], float).reshape(-1, 2)
-    return Rows(features, labels), left_out
+    return Rows(features, np.array([LABELS[outcomes[row]] for row in kept], float).reshape(-1, 2)), left_out
 
 
 def usable_rows(shots: Shots, name: str, silent: np.ndarray, why: str) -> tuple[np.ndarray, np.ndarray, list[str]]:

@@ -1,4 +1,4 @@
-"""A sweep over amounts and weights of simulated data: who is trained on what, and what came of it."""
+"""A sweep of training runs over amounts and weights of simulated data, and its results."""
 
 import math
 from collections.abc import Sequence
@@ -72,8 +72,7 @@ def settings_of(sizes: Sequence[int], weights: Sequence[float]) -> list[SweepSet
     for weight in weights:
         if not 0.0 <= weight < math.inf:
             raise InputError(f"--lambdas: {weight} is not 0 or more")
-    settings = [SweepSetting(size, weight if size else 0.0) for size in sizes for weight in weights]
-    return list(dict.fromkeys(settings))
+    return list(dict.fromkeys([SweepSetting(size, weight if size else 0.0) for size in sizes for weight in weights]))
 
 
 def plan(real: Rows, simulated: Rows | None, settings: Sequence[SweepSetting], seeds: Sequence[int], holdout: float,

@@ -1,7 +1,7 @@
-"""Simulated shots: the paper's grid of configurations, flown, labelled, sampled evenly by outcome (III-B), and written.
+"""Simulated shots of the paper (III-B): a grid of configurations, flown, labelled and sampled evenly by outcome.
 
-The paper speaks of 375,000 configurations; the ranges and steps that it states, taken inclusively, are
-101 x 61 x 76 = 468,236, and those are flown.
+The paper mentions 375,000 configurations; its stated ranges and steps, taken inclusively, give 101 x 61 x 76 = 468,236,
+and all of these are flown.
 """
 
 import json
@@ -17,9 +17,9 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import check_free, hash_dataset, save_dataset
+from truearc.sim.data.table import OUTCOMES
 from truearc.sim.infer.belief import Belief, Curves, before_the_shot, load_belief
 from truearc.sim.paper.network import load_json
 from truearc.sim.physics.catalogue import Catalogue
@@ -71,8 +71,7 @@ def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
     """
     opening = opening_of(rig, coefficients, among)     # a rig without target: no work
     shots = grid_shots(np.arange(np.prod(SHAPE)))
-    before = before_the_shot(curves, rig, shots)
-    flown = predict(rig, coefficients, shots, progress, before, among, STEP_S)
+    flown = predict(rig, coefficients, shots, progress, before_the_shot(curves, rig, shots), among, STEP_S)
     return classify(rig, np.asarray(flown.height_m), opening)
 
 
@@ -138,8 +137,7 @@ def write_synthetic(directory: str | Path, rig: Rig, coefficients: str | Path, n
     """
     out = check_free(directory)
     belief = load_belief(coefficients, among)
-    recorded = None if exclude is None else exclude.shots
-    shots = synthesise(rig, belief, n, recorded, seed, progress)
+    shots = synthesise(rig, belief, n, None if exclude is None else exclude.shots, seed, progress)
     save_dataset(out, Dataset(out.name, rig, shots))
     shutil.copyfile(coefficients, out / "coefficients.toml")
     provenance = {"version": version("truearc"), "seed": seed, "coefficients": belief.coefficients,

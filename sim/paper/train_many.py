@@ -1,19 +1,18 @@
-"""The paper's training, many networks at once: recorded minibatches paired with simulated ones (III-D, Eq. 15).
+"""Training of the paper's network on pairs of recorded and simulated minibatches (III-D, Eq. 15).
 
-Choices that the paper leaves open are made here. Features are standardised with the mean and standard deviation of the
-recorded training rows; the two outputs' cross-entropies are summed and averaged over the ten rows. Length is counted
-in steps (minibatches, Adam updates), not epochs: an epoch is once through the simulated rows, so equal epochs would
-give a network with 1250 simulated rows two and a half times the updates of one with 500, and the sweep over sizes
-would measure the length of training. With validation rows the weights kept are those with the least cross-entropy on
-them, and a network stops once `patience` steps have brought none better. The lengths were chosen on one session of
-the emulated robot (seed 11, 119 shots, 900 simulated, 32 splits; a fifth held out, a quarter of the rest to validate):
-held-out cross-entropy 0.857 +- 0.026 with these, 0.869 with half the patience. Without stopping, what the validation
-rows say is 0.90 after 200 000 steps and 1.23 after 2 million: the network learns its hundred shots by heart.
+This module makes the choices that the paper leaves open. Features are standardised with the mean and standard deviation
+of the recorded training rows; the cross-entropies of the two outputs are summed and averaged over the ten rows. Length
+is counted in steps (minibatches, Adam updates), not epochs: an epoch is one pass over the simulated rows, so equal
+epochs would give a network with 1250 simulated rows two and a half times the updates of one with 500, and the sweep
+over sizes would measure the length of training. With validation rows, the weights with the lowest cross-entropy on them
+are kept, and training stops after `patience` steps without improvement. The lengths were chosen on one session of the
+emulated robot (seed 11, 119 shots, 900 simulated, 32 splits; a fifth held out, a quarter of the rest for validation):
+held-out cross-entropy is 0.857 +- 0.026 with these, 0.869 with half the patience. Without stopping, validation
+cross-entropy is 0.90 after 200 000 steps and 1.23 after 2 million: the network memorises its hundred shots.
 
-In the compiled inner loop LANES networks advance together, the network always the last and contiguous axis, so that one
-vector instruction serves several of them. Each lane does exactly the arithmetic that it would do alone: what shares its
-batch changes no bit. The gradient is written out; the tests hold it against NumPy and JAX. Rows of the parameters [50]:
-hidden_w (feature by feature, 8 nodes each), hidden_b, out_w (node by node, 2 outputs each), out_b.
+A compiled loop trains one network, so that several networks train on as many threads. The gradient is written out;
+tests compare it with NumPy and JAX. Layout of the parameters [50]: hidden_w (feature by feature, 8 nodes each),
+hidden_b, out_w (node by node, 2 outputs each), out_b.
 """
 
 import math
@@ -31,9 +30,7 @@ from truearc.sim.paper import DEFAULT_RECIPE, Recipe
 from truearc.sim.paper.network import SHAPES, Layers, Network, Rows, initial_layers, standardisation
 from truearc.sim.printed import Progress
 
-LANES = 24                            # of 8 to 48, as fast a lane as any; a network alone pays for all
 BATCH = 10                            # recorded rows in a minibatch, and as many simulated ones
-COLUMNS = 5                           # of a training row: three standardised features, two labels
 PARAMETERS = 50
 Real = np.float32                     # as Keras trains, and as the exported gate computes
 _NODES, _B1, _W2, _B2 = 8, 24, 32, 48
@@ -44,14 +41,13 @@ _STEEPEST, _SCALE = Real(-1.5), Real(1.0 / 32.0)
 _SERIES = tuple(Real(1.0 / math.factorial(k)) for k in range(5))
 # Free to contract and reorder sums, but not to assume that no number is NaN.
 _FAST = {"contract", "reassoc", "arcp", "nsz"}
-SPANS = 3                             # recorded, simulated and validation rows, in this order
 
 
 @njit(fastmath=_FAST, error_model="numpy", cache=True)
 def sigmoid(x: np.float32) -> np.float32:
     """1 / (1 + exp(-x)) within 1e-6: five terms of the series of exp(-x / 32), squared five times.
 
-    The series is rough only where the sigmoid is flat. No branch and no table, which is what lets the lanes share
+    The series is rough only where the sigmoid is flat. No branch and no table, which is what lets nodes share
     vector instructions. Beyond x = 48 the series would rise again, hence the bound.
     """
     z = max(-x * _SCALE, _STEEPEST)
@@ -68,12 +64,11 @@ def sigmoid(x: np.float32) -> np.float32:
     return _ONE / (_ONE + e)
 
 
-class Decks(NamedTuple):
-    """What deals the minibatches of n networks; changed in place.
+class Deck(NamedTuple):
+    """What deals the minibatches of a network; changed in place.
 
-    `dice` [n] uint64, none of them 0: generators. `cards` [n, rows] int32: each network's permutation of its recorded
-    rows' numbers, then of its simulated ones'. `sizes` [n, 2]: how many of each. `at` [n, 3]: the next card of either,
-    and minibatches left in the epoch.
+    `dice` [1] uint64, not 0: generator. `cards` [rows] int32: permutation of its recorded rows' numbers, then of its
+    simulated ones'. `sizes` [2]: how many of each. `at` [3]: next card of either, and minibatches left in the epoch.
     """
 
     dice: Any
@@ -83,131 +78,64 @@ class Decks(NamedTuple):
 
 
 @njit(fastmath=_FAST, error_model="numpy", nogil=True, cache=True)
-def advance(rows: Any, table: Any, decks: Decks, lanes: Any, real: int, weights: Any, state: Any, first: int,
-            steps: int, learning_rate: float) -> None:
-    """Adam steps on LANES networks, in place; lanes from `real` on are there to fill up and get no minibatches.
+def advance(rows: Any, deck: Deck, weights: Any, state: Any, first: int, steps: int, learning_rate: float) -> None:
+    """Adam steps on a network, in place.
 
-    rows [tables, n, 5]; table [LANES] which of them is whose; lanes [LANES] which networks; weights [2, LANES] of a
-    recorded and of a simulated row in the loss; state [3, 50, LANES] parameters and Adam's two moments; `first` steps
-    were made before.
+    rows [n, 5]; weights [2] of a recorded and of a simulated row in the loss; state [3, 50] parameters and Adam's two
+    moments; `first` steps were made before.
     """
-    batch = np.zeros((2 * BATCH, COLUMNS, LANES), Real)
-    slope = np.empty((PARAMETERS, LANES), Real)
-    hidden, out = np.empty((_NODES, LANES), Real), np.empty((2, LANES), Real)
+    p, m, v = state[0], state[1], state[2]
+    slope, hidden, d = np.empty(PARAMETERS, Real), np.empty(_NODES, Real), np.empty(2, Real)
     picked = np.zeros(2 * BATCH, np.int32)
-    p, m, v = state[0].copy(), state[1].copy(), state[2].copy()
     for step in range(steps):
-        for lane in range(real):
-            deal(decks, lanes[lane], picked)
-            _gather(rows[table[lane]], picked, lane, batch)
+        deal(deck, picked)
         slope[:] = _ZERO
-        for row in range(2 * BATCH):
-            _forward(p, batch, row, hidden, out)
-            _backward(p, batch, row, weights, hidden, out, slope)
+        for place in range(2 * BATCH):
+            row = rows[picked[place]]
+            for j in range(_NODES):
+                hidden[j] = sigmoid(p[_B1 + j] + row[0] * p[j] + row[1] * p[_NODES + j] + row[2] * p[2 * _NODES + j])
+            for k in range(2):
+                total = p[_B2 + k]
+                for j in range(_NODES):
+                    total += hidden[j] * p[_W2 + 2 * j + k]
+                d[k] = weights[place // BATCH] * (sigmoid(total) - row[3 + k])      # by the summed cross-entropy
+                slope[_B2 + k] += d[k]
+            for j in range(_NODES):
+                h = hidden[j]
+                back = (d[0] * p[_W2 + 2 * j] + d[1] * p[_W2 + 2 * j + 1]) * h * (_ONE - h)
+                slope[_W2 + 2 * j] += h * d[0]
+                slope[_W2 + 2 * j + 1] += h * d[1]
+                for feature in range(3):
+                    slope[feature * _NODES + j] += row[feature] * back
+                slope[_B1 + j] += back
         time = float(first + step + 1)
-        rate, unbias = learning_rate / (1.0 - _KEPT_1**time), 1.0 / (1.0 - _KEPT_2**time)
-        _adam(p, m, v, slope, Real(rate), Real(unbias))
-    state[0], state[1], state[2] = p, m, v
-
-
-@njit(inline="always")
-def _gather(rows: Any, picked: Any, lane: int, batch: Any) -> None:
-    for row in range(2 * BATCH):
-        for column in range(COLUMNS):
-            batch[row, column, lane] = rows[picked[row], column]
-
-
-@njit(fastmath=_FAST, error_model="numpy", inline="always")
-def _forward(p: Any, batch: Any, row: int, hidden: Any, out: Any) -> None:
-    for j in range(_NODES):
-        for lane in range(LANES):
-            hidden[j, lane] = sigmoid(p[_B1 + j, lane] + batch[row, 0, lane] * p[j, lane]
-                                      + batch[row, 1, lane] * p[_NODES + j, lane]
-                                      + batch[row, 2, lane] * p[2 * _NODES + j, lane])
-    for k in range(2):
-        for lane in range(LANES):
-            total = p[_B2 + k, lane]
-            for j in range(_NODES):
-                total += hidden[j, lane] * p[_W2 + 2 * j + k, lane]
-            out[k, lane] = total
-
-
-@njit(fastmath=_FAST, error_model="numpy", inline="always")
-def _backward(p: Any, batch: Any, row: int, weights: Any, hidden: Any, out: Any, slope: Any) -> None:
-    """Adds the gradient of weight x summed binary cross-entropy; `out` is overwritten."""
-    for k in range(2):
-        for lane in range(LANES):
-            d = weights[row // BATCH, lane] * (sigmoid(out[k, lane]) - batch[row, 3 + k, lane])
-            out[k, lane] = d
-            slope[_B2 + k, lane] += d
-    for j in range(_NODES):
-        for lane in range(LANES):
-            h, d0, d1 = hidden[j, lane], out[0, lane], out[1, lane]
-            back = (d0 * p[_W2 + 2 * j, lane] + d1 * p[_W2 + 2 * j + 1, lane]) * h * (_ONE - h)
-            slope[_W2 + 2 * j, lane] += h * d0
-            slope[_W2 + 2 * j + 1, lane] += h * d1
-            slope[j, lane] += batch[row, 0, lane] * back
-            slope[_NODES + j, lane] += batch[row, 1, lane] * back
-            slope[2 * _NODES + j, lane] += batch[row, 2, lane] * back
-            slope[_B1 + j, lane] += back
-
-
-@njit(fastmath=_FAST, error_model="numpy", inline="always")
-def _adam(p: Any, m: Any, v: Any, slope: Any, rate: np.float32, unbias: np.float32) -> None:
-    for k in range(PARAMETERS):
-        for lane in range(LANES):
-            g = slope[k, lane]
-            m[k, lane] = _OLD_1 * m[k, lane] + _NEW_1 * g
-            v[k, lane] = _OLD_2 * v[k, lane] + _NEW_2 * g * g
-            p[k, lane] -= rate * m[k, lane] / (np.sqrt(v[k, lane] * unbias) + _EPSILON)
-
-
-@njit(error_model="numpy", nogil=True, cache=True)
-def mean_losses(p: Any, rows: Any, ends: Any, losses: Any) -> None:
-    """Mean summed cross-entropy of one network p [50] over each span of rows [n, 5]; NaN for an empty one.
-
-    In float64, whatever the parameters were trained in. Span k goes from ends[k] to ends[k + 1]; the results go to
-    losses [spans].
-    """
-    for span in range(len(losses)):
-        total = 0.0
-        for n in range(ends[span], ends[span + 1]):
-            out0, out1 = p[_B2], p[_B2 + 1]
-            for j in range(_NODES):
-                a = p[_B1 + j] + rows[n, 0] * p[j] + rows[n, 1] * p[_NODES + j] + rows[n, 2] * p[2 * _NODES + j]
-                h = 1.0 / (1.0 + math.exp(-a))
-                out0 += h * p[_W2 + 2 * j]
-                out1 += h * p[_W2 + 2 * j + 1]
-            total += _softplus(out0) - rows[n, 3] * out0 + _softplus(out1) - rows[n, 4] * out1
-        losses[span] = total / (ends[span + 1] - ends[span])
-
-
-@njit(cache=True)
-def _softplus(x: float) -> float:
-    return max(x, 0.0) + math.log1p(math.exp(-abs(x)))
+        rate, unbias = Real(learning_rate / (1.0 - _KEPT_1**time)), Real(1.0 / (1.0 - _KEPT_2**time))
+        for k in range(PARAMETERS):
+            m[k] = _OLD_1 * m[k] + _NEW_1 * slope[k]
+            v[k] = _OLD_2 * v[k] + _NEW_2 * slope[k] * slope[k]
+            p[k] -= rate * m[k] / (np.sqrt(v[k] * unbias) + _EPSILON)
 
 
 @njit(nogil=True, cache=True)
-def deal(decks: Decks, network: int, picked: Any) -> None:
+def deal(deck: Deck, picked: Any) -> None:
     """Row numbers of a network's next minibatch into picked [20]: ten recorded rows, then ten simulated ones.
 
     Both come from permutations: an epoch goes once through the simulated rows, the last minibatch filled up from the
     head of their permutation, while recorded rows are reshuffled as often as that takes. Without simulated rows an
     epoch goes once through the recorded ones, and the second half is row 0, to be weighed with nothing.
     """
-    real, simulated = decks.sizes[network]
-    cards, at = decks.cards[network], decks.at[network]
+    (real, simulated), cards, at = deck.sizes, deck.cards, deck.at
     if at[2] == 0:
         at[0], at[1] = 0, 0
         at[2] = ((simulated if simulated else real) + BATCH - 1) // BATCH
-        _shuffle(decks.dice, network, cards[:real])
-        _shuffle(decks.dice, network, cards[real:real + simulated])
+        _shuffle(deck.dice, cards[:real])
+        _shuffle(deck.dice, cards[real:real + simulated])
     at[2] -= 1
     for place in range(BATCH):
         if at[0] == real:
             at[0] = 0
             if simulated:
-                _shuffle(decks.dice, network, cards[:real])
+                _shuffle(deck.dice, cards[:real])
         picked[place] = cards[at[0]]
         at[0] += 1
     for place in range(BATCH, 2 * BATCH if simulated else 0):
@@ -220,17 +148,17 @@ def deal(decks: Decks, network: int, picked: Any) -> None:
 
 
 @njit(nogil=True, cache=True)
-def _shuffle(dice: Any, network: int, deck: Any) -> None:
+def _shuffle(dice: Any, cards: Any) -> None:
     """Fisher and Yates's shuffle in place, on Vigna's xorshift64*; NumPy's own is ten times slower from in here."""
-    x = dice[network]
-    for last in range(len(deck) - 1, 0, -1):
+    x = dice[0]
+    for last in range(len(cards) - 1, 0, -1):
         x ^= x >> np.uint64(12)
         x ^= x << np.uint64(25)
         x ^= x >> np.uint64(27)
         high = (x * np.uint64(0x2545F4914F6CDD1D)) >> np.uint64(32)
         other = np.int64((high * np.uint64(last + 1)) >> np.uint64(32))
-        deck[last], deck[other] = deck[other], deck[last]
-    dice[network] = x
+        cards[last], cards[other] = cards[other], cards[last]
+    dice[0] = x
 
 
 class Job(NamedTuple):
@@ -279,94 +207,62 @@ def batches_per_epoch(real: int, simulated: int) -> int:
 
 def train_many(jobs: Sequence[Job], recipe: Recipe = DEFAULT_RECIPE, progress: Progress = lambda done, note: None,
                threads: int | None = None) -> list[Trained]:
-    """Train every job's network, all in one batch; a network's numbers depend on its own job and recipe alone.
+    """Train every job's network, on `threads` (as many as cores), in float32; its numbers depend on job and recipe.
 
-    Networks advance LANES at a time, groups of them on `threads` (as many as cores), in float32. InputError when
-    a job has nothing to train on, job or recipe is nonsense, or a loss stops being a number.
+    InputError when a job has nothing to train on, job or recipe is nonsense, or a loss stops being a number.
     """
     for job in jobs:
         check_job(job)
-    batch = _Batch(jobs)
-    active = np.arange(len(jobs))
+    trained: list[Trained] = []
     with ThreadPoolExecutor(threads or usable_cores()) as pool:
-        for first in range(0, recipe.steps, recipe.check):
-            steps = min(recipe.check, recipe.steps - first)
-            groups = [active[start:start + LANES] for start in range(0, len(active), LANES)]
-            moves = [pool.submit(batch.advance, group, first, steps, recipe.learning_rate) for group in groups]
-            for move in moves:
-                move.result()
-            active = batch.judge(active, first + steps, recipe.patience)
-            if not len(active):
-                break
-            progress((first + steps) / recipe.steps, f"{len(active)} of {len(jobs)} still learning")
-    progress(1.0, f"{len(jobs)} trained")
-    return [batch.trained(number) for number in range(len(jobs))]
+        for one in pool.map(lambda job: _train(job, recipe, progress if len(jobs) == 1 else None), jobs):
+            trained.append(one)
+            progress(len(trained) / len(jobs), f"{len(trained)} trained")
+    return trained
 
 
-class _Batch:
-    """All networks of one batch; the network is the last axis of what the kernel works on."""
-
-    def __init__(self, jobs: Sequence[Job]) -> None:
-        count = len(jobs)
-        self.jobs = jobs
-        self.scalings = [standardisation(job.real.features) for job in jobs]
-        tables = [_table(job, *scaling) for job, scaling in zip(jobs, self.scalings, strict=True)]
-        self.ends = np.array([ends for _, ends in tables])
-        self.rows, self.table = _stack([rows.astype(Real) for rows, _ in tables])
-        share = np.array([job.simulated_weight if _count(job.simulated) else 0.0 for job in jobs])
-        self.weights = (np.stack([np.ones(count), share]) / BATCH).astype(Real)
-        self.state = np.zeros((3, PARAMETERS, count), Real)
-        generators = [np.random.default_rng(job.seed) for job in jobs]
-        for number, rng in enumerate(generators):
-            self.state[0, :, number] = pack(initial_layers(rng))
-        self.decks = make_decks(generators, [(len(job.real.features), _count(job.simulated)) for job in jobs])
-        self.losses = np.full((count, SPANS), np.nan)
-        self.best_loss = np.full(count, np.inf)
-        self.best = self.state[0].copy()
-        self.best_step = np.zeros(count, np.int64)
-        self.curves: list[list[CurvePoint]] = [[] for _ in jobs]
-
-    def advance(self, group: np.ndarray, first: int, steps: int, learning_rate: float) -> None:
-        """Steps of at most LANES networks, and their losses; spare lanes repeat networks and are discarded."""
-        lanes = np.resize(group, LANES)
-        state = np.ascontiguousarray(self.state[:, :, lanes])
-        weights = np.ascontiguousarray(self.weights[:, lanes])
-        advance(self.rows, self.table[lanes], self.decks, lanes, len(group), weights, state, first, steps,
-                learning_rate)
-        self.state[:, :, group] = state[:, :, :len(group)]
-        for lane, number in enumerate(group):
-            mean_losses(state[0, :, lane].astype(float), self.rows[self.table[number]], self.ends[number],
-                        self.losses[number])
-
-    def judge(self, active: np.ndarray, step: int, patience: int) -> np.ndarray:
-        """Keep the weights that are the best so far; the networks that go on."""
-        self._check_finite(active, step)
-        for number in active:
-            self.curves[number].append(CurvePoint(step, *self.losses[number].tolist()))
-        watched = self.losses[active, -1]
-        better = active[np.isnan(watched) | (watched < self.best_loss[active])]
-        self.best_loss[better] = self.losses[better, -1]
-        self.best[:, better] = self.state[0][:, better]
-        self.best_step[better] = step
-        return np.asarray(active[step - self.best_step[active] < patience])
-
-    def _check_finite(self, active: np.ndarray, step: int) -> None:
-        sound = np.isfinite(self.losses[active, 0]) & np.isfinite(self.state[0][:, active]).all(axis=0)
-        for number in active[~sound][:1]:
-            raise InputError(f"training diverged within {step} steps (seed {self.jobs[number].seed}): the loss is "
-                           f"{self.losses[number, 0]}; lower --learning-rate")
-
-    def trained(self, number: int) -> Trained:
-        step = int(self.best_step[number])
-        return Trained(Network(*self.scalings[number], unpack(self.best[:, number])), step,
-                       round(step / batches_per_epoch(*self.decks.sizes[number].tolist())), tuple(self.curves[number]))
+def _train(job: Job, recipe: Recipe, progress: Progress | None) -> Trained:
+    """Train one network, and keep the weights that are the best on the validation rows; without any, the last."""
+    rng, scaling = np.random.default_rng(job.seed), standardisation(job.real.features)
+    parts = [np.zeros((0, 5)) if part is None or not len(part.features) else
+             np.hstack([(part.features - scaling[0]) * scaling[1], part.labels])
+             for part in (job.real, job.simulated, job.validation)]
+    rows, sizes = np.concatenate(parts).astype(Real), [len(part) for part in parts]
+    weights = np.array([1.0, job.simulated_weight if sizes[1] else 0.0]).astype(Real) / Real(BATCH)
+    state = np.zeros((3, PARAMETERS), Real)
+    state[0] = pack(initial_layers(rng))
+    deck, curve = make_deck(rng, sizes[0], sizes[1]), list[CurvePoint]()
+    best, best_loss, best_step = state[0].copy(), math.inf, 0
+    for first in range(0, recipe.steps, recipe.check):
+        step = min(first + recipe.check, recipe.steps)
+        advance(rows, deck, weights, state, first, step - first, recipe.learning_rate)
+        curve.append(CurvePoint(step, *_mean_losses(unpack(state[0]), rows.astype(float), sizes)))
+        if not (math.isfinite(curve[-1].real) and np.isfinite(state[0]).all()):
+            raise InputError(f"training diverged within {step} steps (seed {job.seed}): the loss is {curve[-1].real}; "
+                             "lower --learning-rate")
+        if not curve[-1].validation >= best_loss:                   # NaN without validation rows
+            best, best_loss, best_step = state[0].copy(), curve[-1].validation, step
+        if step - best_step >= recipe.patience:
+            break
+        if progress is not None:
+            progress(step / recipe.steps, f"step {step}")
+    return Trained(Network(*scaling, unpack(best)), best_step, round(best_step / batches_per_epoch(*sizes[:2])),
+                   tuple(curve))
 
 
-def make_decks(generators: Sequence[np.random.Generator], sizes: Sequence[tuple[int, int]]) -> Decks:
-    """What deals the minibatches of networks with (recorded, simulated) rows; each generator gives one seed."""
-    dice = np.array([rng.integers(1, 2**63, dtype=np.uint64) for rng in generators])
-    cards = np.tile(np.arange(max(map(sum, sizes)), dtype=np.int32), (len(sizes), 1))
-    return Decks(dice, cards, np.array(sizes, np.int64).reshape(-1, 2), np.zeros((len(sizes), 3), np.int64))
+def _mean_losses(layers: Layers, rows: np.ndarray, sizes: Sequence[int]) -> list[float]:
+    """Mean summed cross-entropy over each part of the rows [n, 5], in float64; NaN for an empty one."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        hidden = 1.0 / (1.0 + np.exp(-(rows[:, :3] @ layers.hidden_w + layers.hidden_b)))
+        out = hidden @ layers.out_w + layers.out_b
+        lost = (np.logaddexp(0.0, out) - rows[:, 3:] * out).sum(axis=1)
+    return [float(part.mean()) if len(part) else math.nan for part in np.split(lost, np.cumsum(sizes)[:-1])]
+
+
+def make_deck(rng: np.random.Generator, real: int, simulated: int) -> Deck:
+    """What deals the minibatches of a network with so many rows; the generator gives one seed."""
+    return Deck(rng.integers(1, 2**63, dtype=np.uint64, size=1), np.arange(real + simulated, dtype=np.int32),
+                np.array([real, simulated]), np.zeros(3, np.int64))
 
 
 def pack(layers: Layers) -> np.ndarray:
@@ -379,26 +275,3 @@ def unpack(parameters: np.ndarray) -> Layers:
     ends = np.cumsum([math.prod(shape) for shape in SHAPES])
     return Layers(*(part.reshape(shape).astype(float) for part, shape in
                     zip(np.split(np.asarray(parameters), ends[:-1]), SHAPES, strict=True)))
-
-
-def _table(job: Job, mean: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, list[int]]:
-    """Standardised rows with labels [n, 5] of the three spans, and where each begins and ends [4]."""
-    parts = [np.hstack([(rows.features - mean) * scale, rows.labels]) if rows is not None and len(rows.features)
-             else np.zeros((0, COLUMNS))
-             for rows in (job.real, job.simulated, job.validation)]
-    return np.concatenate(parts), [0, *np.cumsum([len(part) for part in parts]).tolist()]
-
-
-def _stack(tables: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """(different tables [tables, longest, 5], padded; which one each network has): a sweep's networks share a few, and
-    rows that several of them have just read are near at hand."""
-    different: dict[bytes, tuple[int, np.ndarray]] = {}
-    which = [different.setdefault(table.tobytes(), (len(different), table))[0] for table in tables]
-    stacked = np.zeros((len(different), max(map(len, tables)), COLUMNS), Real)
-    for number, table in different.values():
-        stacked[number, :len(table)] = table
-    return stacked, np.array(which)
-
-
-def _count(rows: Rows | None) -> int:
-    return 0 if rows is None else len(rows.features)

@@ -1,6 +1,6 @@
-"""The paper's point mass in JAX: wheels -> ball state -> trajectory -> height at the plane. Double precision."""
+"""Point-mass physics of the paper in JAX: wheels -> ball state -> trajectory -> height at the plane (float64)."""
 
 import jax
 
-# Heights to 1e-5 m need it; the one place in the house that says so.
+# Heights accurate to 1e-5 m need float64; no other module sets it.
 jax.config.update("jax_enable_x64", True)

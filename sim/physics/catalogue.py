@@ -1,16 +1,22 @@
-"""The hypotheses that fit, synth, discovery and the generic tests know, in the order they act, each complete.
+"""The catalogue of hypotheses for fit, synth, discovery and the generic tests, in the order in which they act.
 
-A Catalogue is a value that is passed down: to whoever names terms, by name or by themselves. Where none is given, it is
-catalogue(): the built-in terms and those of installed distributions. An entry point of these names a term, a class of
-one, or an iterable of either; a file that a user names defines them at module level:
+A Catalogue is passed as a value to all code that refers to terms. The default is catalogue(): the built-in terms and
+those of installed distributions. An entry point names a term, a class of one, or an iterable of either; a file given by
+the user defines them at module level:
 
     [project.entry-points."truearc.terms"]
     hood_flex = "truearc_hoodflex:HoodFlex"
+
+Every catalogue contains unexplained effects: fitted free changes of the launch, the distance or the flight. Each
+amplitude is multiplied by the circumstance stored under the term's name, which truearc.sim.infer.belief computes for
+every shot. Discovery does not test them as hypotheses. A curve's points are parameters, like a term's:
+"curve.free_speed.0", ...
 """
 
 import copyreg
 import hashlib
 import inspect
+import math
 import re
 import sys
 import traceback
@@ -18,19 +24,100 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
-from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
-from pkgutil import walk_packages
 from types import ModuleType
-from typing import Any
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
 
 from truearc.errors import InputError, PluginError, distribution_of, load_plugin, load_text, place_of
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Circumstances
 from truearc.sim.physics import term as kinds
-from truearc.sim.physics import terms as built_in
-from truearc.sim.physics.nonparametric import CURVE, NAMELESS, POINT
-from truearc.sim.physics.term import Instrument, Parameter, Phrase, Term, WatchTerm, complete
+from truearc.sim.physics.term import Instrument, Parameter, Phrase, Term, Vec, WatchTerm, axes, complete, length
+from truearc.sim.physics.terms import arrival, flight, launch, sensing
+
+FOUND = "as discovery found it in recordings"
+AT_SPEED_M_S = 10.0                   # where a push that goes with the speed is stated
+CURVE = "curve"
+POINT = Parameter("point", "1", -math.inf, math.inf, 0.0, FOUND)
+
+
+class Nameless(kinds.Term):
+    """`usual`: one standard deviation of a curve's point before any data, in the unit of the amplitude."""
+
+    usual: ClassVar[float]
+
+
+class FreeSpeed(Nameless, kinds.LaunchTerm):
+    """exit speed times exp(share)."""
+
+    parameters = (Parameter("share", "1", -5.0, 5.0, 0.0, FOUND),)
+    sentence = "The ball leaves faster or slower, for an unexplained reason."
+    follows = "free_speed"
+    usual = 0.2
+    label = "a curve of the launch speed"
+
+    def leave(self, rig: kinds.Rig, values: kinds.Values, exit: kinds.Exit) -> kinds.Exit:
+        return exit._replace(speed_m_s=exit.speed_m_s * jnp.exp(values["share"]))
+
+
+class FreeElevation(Nameless, kinds.LaunchTerm):
+    """exit elevation plus angle_rad."""
+
+    parameters = (Parameter("angle_rad", "rad", -1.5, 1.5, 0.0, FOUND),)
+    sentence = "The ball leaves steeper or flatter, for an unexplained reason."
+    follows = "free_elevation"
+    usual = 0.0175
+    label = "a curve of the launch elevation"
+
+    def leave(self, rig: kinds.Rig, values: kinds.Values, exit: kinds.Exit) -> kinds.Exit:
+        return exit._replace(elevation_rad=exit.elevation_rad + values["angle_rad"])
+
+
+class FreeDistance(Nameless, kinds.SensingTerm):
+    """true distance = measured + bias_m."""
+
+    parameters = (Parameter("bias_m", "m", -20.0, 20.0, 0.0, FOUND),)
+    sentence = "The target is farther or nearer than measured, for an unexplained reason."
+    follows = "free_distance"
+    usual = 0.12
+    label = "a curve of the distance"
+
+    def sense(self, rig: kinds.Rig, values: kinds.Values, exit: kinds.Exit, distance_m: Any) -> tuple[kinds.Exit, Any]:
+        return exit, distance_m + values["bias_m"]
+
+
+class FreePush(Nameless, kinds.FlightTerm):
+    """An acceleration size_m_s2 along, up across and left of the velocity by the shares of those names, between two
+    times of the flight; times (speed / 10 m/s)^with_speed."""
+
+    parameters = (
+        Parameter("size_m_s2", "m/s2", -100.0, 100.0, 0.0, FOUND),
+        *(Parameter(side, "1", -1.0, 1.0, 0.0, "a direction cosine") for side in ("along", "up", "left")),
+        Parameter("from_s", "s", 0.0, 60.0, 0.0, "since release"),
+        Parameter("to_s", "s", 0.0, 60.0, 60.0, "since release"),
+        Parameter("with_speed", "1", 0.0, 1.0, 0.0, "0 or 1"))
+    sentence = "An unexplained force pushes the ball in flight."
+    follows = "free_push"
+    usual = 1.5
+    label = "a curve of a push"
+
+    def acceleration(self, rig: kinds.Rig, values: kinds.Values, ball: kinds.BallState, forces: kinds.Forces) -> Vec:
+        at_work = (ball.time_s >= values["from_s"]) & (ball.time_s < values["to_s"])
+        size = values["size_m_s2"] * at_work * (length(ball.velocity_m_s) / AT_SPEED_M_S)**values["with_speed"]
+        sides = zip(axes(ball.velocity_m_s), ("along", "up", "left"), strict=True)
+        parts = [Vec(*(size * values[name] * part for part in side)) for side, name in sides]
+        return Vec(*(sum(components[1:], components[0]) for components in zip(*parts, strict=True)))
+
+
+NAMELESS: tuple[Nameless, ...] = (FreeDistance(), FreeSpeed(), FreeElevation(), FreePush())
+
+
+def find_nameless(name: str) -> Nameless:
+    """Return the unexplained effect of this name; KeyError where there is none."""
+    return {one.name: one for one in NAMELESS}[name]
+
 
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 UNIT = re.compile(r"(1|((kg|rad|rev|deg|m|s)\d*)+)(/((kg|rad|rev|deg|m|s)\d*)+)?")
@@ -58,20 +145,15 @@ def _problems(term: Term) -> Iterator[str]:
         yield f"name: {term.name!r} is not lower-case words joined by _"
     if not type(term).__doc__:
         yield "no docstring, which the table of terms shows as its law"
-    yield from _one_of(term, "stage", kinds.STAGES)
-    yield from _one_of(term, "direction", kinds.DIRECTIONS)
+    for field, allowed in (("stage", kinds.STAGES), ("direction", kinds.DIRECTIONS)):
+        if (said := getattr(term, field, None)) not in allowed:
+            yield f"{field}: {said!r} is none of {', '.join(allowed)}"
     order = getattr(term, "order", None)
     if not (isinstance(order, tuple) and len(order) == 2 and isinstance(order[0], int | float) and order[1]):
         yield f"order: {order!r} is not a number and a reason, such as 50, \"a factor of the speed\""
     yield from _wording(term)
     yield from _recording(term)
     yield from _numbers(term)
-
-
-def _one_of(term: Term, field: str, allowed: tuple[str, ...]) -> Iterator[str]:
-    said = getattr(term, field, None)
-    if said not in allowed:
-        yield f"{field}: {said!r} is none of {', '.join(allowed)}"
 
 
 def _wording(term: Term) -> Iterator[str]:
@@ -98,10 +180,9 @@ def _recording(term: Term) -> Iterator[str]:
         yield f"record: is empty, though the term follows {term.follows}, which has to be recorded"
     if not 0.0 < term.positive < 1.0:
         yield "positive: is a probability between 0 and 1"
-    if term.law_sd is not None and not term.law_sd > 0.0:
-        yield "law_sd: above 0, or None"
-    if term.indoor_sd is not None and not term.indoor_sd > 0.0:
-        yield "indoor_sd: above 0, or None"
+    for field in ("law_sd", "indoor_sd"):
+        if (sd := getattr(term, field)) is not None and not sd > 0.0:
+            yield f"{field}: above 0, or None"
     if term.calibration_sd is not None and not (isinstance(term, WatchTerm) and term.calibration_sd > 0.0):
         yield "calibration_sd: is for terms about a tracker, and above 0"
 
@@ -194,10 +275,10 @@ class Catalogue:
 
 @cache
 def catalogue() -> Catalogue:
-    """The built-in terms and those of installed distributions, which are looked for once, when first needed.
+    """Return the built-in terms and those of installed distributions, which are searched once, on first use.
 
     Raises:
-        InputError: names the distribution whose terms cannot be loaded, are incomplete, or have a name that is taken.
+        InputError: names the distribution whose terms cannot be loaded, are incomplete, or have a name already in use.
     """
     return Catalogue((*TERMS, *terms_of_distributions(TERMS)))
 
@@ -370,7 +451,6 @@ def _rebuilt(path: str, text: str, name: str, state: dict[str, Any]) -> Term:
     return term
 
 
-# One of each class on the pages of truearc.sim.physics.terms: a new class there is a new term.
-BUILT_IN = Catalogue(tuple(kind() for module in walk_packages(built_in.__path__, f"{built_in.__name__}.")
-                           for kind in terms_in(import_module(module.name))))
+# One of each class on the four pages: a new class there is a new term.
+BUILT_IN = Catalogue(tuple(kind() for page in (sensing, launch, flight, arrival) for kind in terms_in(page)))
 TERMS = BUILT_IN.terms

@@ -1,18 +1,19 @@
-"""Flight of the ball to a vertical plane: the paper's Eq. 4-10, integrated over time or over x.
+"""The flight of the ball to a vertical plane, following Eqs. 4-10 of the paper, integrated over time or over x.
 
-`fly` integrates over time. Reached means: the point mass crosses x = distance for the first time, before it meets the
-floor (z = 0) and before it turns back (vx <= 0). docs/how-to/paper.md says why.
+`fly` integrates over time. The plane is reached if the point mass crosses x = distance for the first time before it
+hits the floor (z = 0) and before it turns back (vx <= 0). docs/how-to/paper.md explains this choice.
 
-`reach_plane` integrates the same law over x, for likelihoods: the height at the plane is a smooth function in few steps
-of fixed number, whose second derivatives stay cheap. The flight goes on through the floor; only a ball that has nearly
-turned back has no height.
+`reach_plane` integrates the same law over x for likelihoods: the height at the plane is a smooth function, computed in
+a small fixed number of steps, with cheap second derivatives. The flight continues through the floor; only a ball that
+has nearly turned back has no height.
 
-Code is compiled for a rig without its numbers (`apart`), so that it serves every other rig.
+`apart` separates a rig's numbers from the compiled code, so that one compilation serves all rigs.
 """
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
+from itertools import repeat
 from typing import Any, NamedTuple
 
 import jax
@@ -22,8 +23,8 @@ import numpy as np
 from jax import lax
 
 from truearc.robot.config.rig_spec import Ball, Rig
-from truearc.sim.physics.term import AirTerm, BallState, Exit, FlightTerm, InFlight, complete
-from truearc.sim.physics.vector import Vec, absent, add, length, plus, scale, times
+from truearc.sim.physics import term as kinds
+from truearc.sim.physics.term import BallState, Exit, InFlight, Vec, absent, add, complete, length, plus, scale, times
 
 STEP_S = 0.002                        # longest RK4 step: heights of 30 000 random launches within 6e-9 m of DOP853
 TURN_RAD = 0.02                       # ... and the air changes the velocity by no more than this share in one
@@ -108,8 +109,8 @@ def make_law(rig: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping[s
     terms: in the catalogue's order. params: effective values (truearc.sim.physics.catalogue.effective). First the
     terms about the air make the ball as the air sees it; then each force in turn may be a share of those before it.
     """
-    airs = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, AirTerm)]
-    pushes = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, FlightTerm)]
+    airs = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, kinds.AirTerm)]
+    pushes = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, kinds.FlightTerm)]
 
     def law(ball: BallState) -> Vec:
         for air, values in airs:
@@ -334,8 +335,7 @@ def _step(law: Law, like: BallState, start: tuple[Any, ...], step_m: Any) -> tup
 
     zero = jax.tree.map(jnp.zeros_like, start)
     weights = (jnp.array(AHEAD), jnp.array(SHARE))
-    first = (start, zero, full(like, start).velocity_m_s.x)
-    _, total, slowest_m_s = lax.scan(stage, first, weights)[0]
+    _, total, slowest_m_s = lax.scan(stage, (start, zero, full(like, start).velocity_m_s.x), weights)[0]
     return jax.tree.map(lambda begin, part: begin + step_m * part, start, total), slowest_m_s
 
 
@@ -347,32 +347,16 @@ def _rate(law: Law, ball: BallState) -> tuple[Any, ...]:
                           ball.time_s if absent(ball.time_s) else per_m))
 
 
-def numbers_of(rig: Rig) -> tuple[float, ...]:
-    """Every number of a rig, in the order of its fields."""
-    return tuple(_leaves(rig))
-
-
-def with_numbers(rig: Rig, numbers: Iterator[Any]) -> Rig:
-    """The rig with its numbers replaced, in the order of numbers_of; they may be traced."""
-    put: Rig = _put(rig, numbers)
-    return put
-
-
 @lru_cache(256)
 def apart(rig: Rig) -> tuple[Rig, np.ndarray]:
-    """The rig without its numbers, for which code is compiled, and these [numbers]."""
-    numbers = np.array(numbers_of(rig), dtype=float)
-    return with_numbers(rig, iter([0.0] * len(numbers))), numbers
+    """The rig without its numbers, for which code is compiled, and these [numbers], in the order of its fields."""
+    return _put(rig, repeat(0.0)), np.array(list(_leaves(rig)), dtype=float)
 
 
 def together(rig: Rig, numbers: Any) -> Rig:
     """The rig of both; numbers: traced ones, too."""
-    return with_numbers(rig, iter([numbers[k] for k in range(len(numbers))]))
-
-
-def without_wheels(rig: Rig) -> Rig:
-    """The rig for laws of flight, which no wheel is in."""
-    return msgspec.structs.replace(rig, launcher=msgspec.structs.replace(rig.launcher, wheel=()))
+    whole: Rig = _put(rig, iter([numbers[k] for k in range(len(numbers))]))
+    return whole
 
 
 def _leaves(part: Any) -> Iterator[float]:

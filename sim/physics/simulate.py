@@ -1,4 +1,4 @@
-"""The paper's simulator: a recorded configuration -> height at the target plane -> outcome."""
+"""Simulator of the paper: recorded configuration -> height at the target plane -> outcome."""
 
 import math
 from collections.abc import Mapping
@@ -9,8 +9,7 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import ORDINARY, Circumstances
-from truearc.sim.data.dataset import Shots
+from truearc.sim.data.dataset import ORDINARY, Circumstances, Shots
 from truearc.sim.physics import catalogue as known
 from truearc.sim.physics.flight import STEP_S, Balls, Crossing, fly, path, with_balls
 from truearc.sim.physics.term import Exit, Opening, complete
@@ -34,7 +33,7 @@ def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Sh
     """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
 
     Sensing terms correct what the robot's sensors say and launch terms what the wheels do, never what was measured on
-    the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.conditions);
+    the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.dataset);
     terms that follow one are absent from ordinary shots. among: the catalogue of the terms,
     truearc.sim.physics.catalogue.catalogue() when not given, here and below. step_s: the longest step of the
     flight. InputError names shots without a distance or a launch. Each shot's own mass_kg and radius_m fly, where they
@@ -162,8 +161,7 @@ def fly_rows(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
     terms = known.flight_terms({"gravity", *values}, among)
     named = {term.name: values[term.name] for term in terms if term.name in values}
     exit, distance_m = Exit(*map(np.asarray, exit)), np.asarray(distance_m)
-    upward_m_s = exit.speed_m_s * np.sin(exit.elevation_rad)
-    order = np.argsort(upward_m_s, kind="stable")
+    order = np.argsort(exit.speed_m_s * np.sin(exit.elevation_rad), kind="stable")
     height_m, time_s = np.full(len(order), np.nan), np.full(len(order), np.nan)
     lanes = min(BLOCK, 1 << max(len(order) - 1, 15).bit_length())
     for first in range(0, len(order), lanes):
@@ -204,9 +202,8 @@ def _as_recorded(rig: Rig, shots: Shots) -> Exit:
     """The same with nan where it is not known."""
     rolled_m_s, rolled_rev_s = _from_wheels(rig, shots)
     elevation_deg = _prefer(shots.number("exit_deg"), shots.number("hood_deg"))
-    spin_rev_s = _prefer(shots.number("exit_spin_rev_s"), rolled_rev_s)
     return Exit(_prefer(shots.number("exit_speed_m_s"), rolled_m_s), np.radians(elevation_deg),
-                _prefer(spin_rev_s, np.zeros(len(shots))))
+                _prefer(_prefer(shots.number("exit_spin_rev_s"), rolled_rev_s), np.zeros(len(shots))))
 
 
 def launch_state(rig: Rig, shots: Shots) -> dict[str, np.ndarray]:
@@ -296,8 +293,7 @@ def exit_no_slip(rig: Rig, wheel_surface_m_s: Any) -> tuple[Any, Any]:
     # n_i = cos(clock) up - sin(clock) left, so (n_i x e) = cos(clock) left + sin(clock) up
     rows = np.stack([np.ones_like(clock_rad), np.cos(clock_rad), np.sin(clock_rad)], axis=1)
     solved = surface_m_s @ np.linalg.pinv(rows, rcond=1e-9).T
-    spin_rad_s = np.concatenate([np.zeros_like(solved[:, :1]), solved[:, 1:] / rig.ball.radius_m], axis=1)
-    return solved[:, 0], spin_rad_s
+    return solved[:, 0], np.concatenate([np.zeros_like(solved[:, :1]), solved[:, 1:] / rig.ball.radius_m], axis=1)
 
 
 def is_opposed(rig: Rig) -> bool:

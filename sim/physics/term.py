@@ -1,26 +1,103 @@
-"""One hypothesis about the physics: its name, place, numbers, wording, instrument, and what it contributes.
+"""Term, a hypothesis about the physics: its name, stage, numbers, wording, instrument and contribution.
 
-Along the way of a shot: what the sensors say -> SensingTerm -> what is true -> LaunchTerm -> the ball as it leaves ->
-AirTerm, FlightTerm -> its flight -> ArrivalTerm -> the outcome; a WatchTerm is about a tracker that sees the flight.
-Values handed to hooks are effective: parameters as Term.at_shot leaves them, numbers or one per lane.
+Stages of a shot: sensor readings -> SensingTerm -> true values -> LaunchTerm -> exit state of the ball -> AirTerm,
+FlightTerm -> flight -> ArrivalTerm -> outcome; a WatchTerm describes a tracker that observes the flight. Hooks receive
+effective values: parameters as Term.at_shot returns them, scalars or one per lane.
 
-A term is complete by itself: no other module keeps a table by the names of terms. A catalogue checks that nothing is
-missing when a term enters it.
+A term is self-contained: no other module keeps a table keyed by the names of terms. A catalogue checks each term for
+completeness when it is added.
+
+Vectors are three separate arrays: x toward the target, y left, z up.
 """
 
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import RECORDED, Circumstances
-from truearc.sim.physics.vector import Vec, plus, scale, times, total
+from truearc.sim.data.dataset import RECORDED, Circumstances
+
+# Keeps the derivative of a length finite at zero; far below any speed that a double could be added to.
+TINY = 1e-200
+
+
+class Vec(NamedTuple):
+    """Three arrays; a component that is the Python float 0.0 is absent, and stays absent through the operations below.
+
+    A flight in the vertical plane thereby costs two dimensions while every law is written once, for three.
+    """
+
+    x: Any
+    y: Any
+    z: Any
+
+
+def absent(value: Any) -> bool:
+    """Whether a component is the literal zero (an array is never absent, whatever is in it)."""
+    return isinstance(value, float) and value == 0.0
+
+
+def plus(a: Any, b: Any) -> Any:
+    """a + b of components."""
+    if absent(a):
+        return b
+    return a if absent(b) else a + b
+
+
+def times(a: Any, b: Any) -> Any:
+    """a * b of components."""
+    return 0.0 if absent(a) or absent(b) else a * b
+
+
+def add(a: Vec, b: Vec) -> Vec:
+    return Vec(plus(a.x, b.x), plus(a.y, b.y), plus(a.z, b.z))
+
+
+def total(vectors: Iterable[Vec]) -> Vec:
+    return reduce(add, vectors, Vec(0.0, 0.0, 0.0))
+
+
+def scale(factor: Any, a: Vec) -> Vec:
+    return Vec(times(factor, a.x), times(factor, a.y), times(factor, a.z))
+
+
+def dot(a: Vec, b: Vec) -> Any:
+    return plus(plus(times(a.x, b.x), times(a.y, b.y)), times(a.z, b.z))
+
+
+def cross(a: Vec, b: Vec) -> Vec:
+    """a x b, right-handed."""
+    return Vec(_minus(times(a.y, b.z), times(a.z, b.y)),
+               _minus(times(a.z, b.x), times(a.x, b.z)),
+               _minus(times(a.x, b.y), times(a.y, b.x)))
+
+
+def length(a: Vec) -> Any:
+    """|a|, with a finite derivative at zero."""
+    return jnp.sqrt(dot(a, a) + TINY)
+
+
+def axes(velocity: Vec) -> tuple[Vec, Vec, Vec]:
+    """Unit vectors along the velocity, across it and up, and to the left; across ones fade as it becomes vertical."""
+    flat = velocity.x**2 + velocity.y**2
+    speed = jnp.sqrt(flat + velocity.z**2 + 1e-12)
+    along = Vec(velocity.x / speed, velocity.y / speed, velocity.z / speed)
+    level = jnp.sqrt(along.x**2 + along.y**2 + 1e-6)
+    left = Vec(-along.y / level, along.x / level, 0.0 * level)
+    up = Vec(-along.z * left.y, along.z * left.x, along.x * left.y - along.y * left.x)
+    return along, up, left
+
+
+def _minus(a: Any, b: Any) -> Any:
+    return plus(a, times(-1.0, b))
+
 
 # Scales on which beliefs are about normal: positive parameters by their logarithm, shares lost by what is left.
 LINEAR, LOG, LEFT = "linear", "log", "left"
@@ -37,9 +114,9 @@ SECONDS: Shown = (1.0, " s")
 
 @dataclass(frozen=True)
 class Prior:
-    """Belief before any shot: normal on one of SCALES, weak, with its reason as text.
+    """Weak prior of a parameter, normal on one of SCALES, with its reason as text.
 
-    `centre` is a value of the parameter itself, `sd` is on the scale (on "log": the log of a factor).
+    `centre` is a value of the parameter itself; `sd` is on the scale (on "log": the log of a factor).
     """
 
     scale: str
@@ -50,17 +127,17 @@ class Prior:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of a term, looked for from `low` to `high`.
+    """One number of a term, which fits search from `low` to `high`.
 
     Attributes:
         unit: A product of m, kg, s, rad, rev, deg with powers, such as "1", "1/s" or "kg m/s2"; a share is "1".
-        default: The value that a coefficients file that does not mention it means.
-        source: Where the range comes from.
-        prior: Belief of a likelihood fit in advance; None: known, and not fitted.
-        meaning: The number in a few words, with the sign that a positive one has.
-        by_ball: Share by which it differs from one ball to another, one standard deviation; 0: it does not.
-        fit_each_ball: Where balls are told apart, each gets a number of its own.
-        percent: Reports of a fit show it in per cent.
+        default: Value if a coefficients file does not mention it.
+        source: Source of the range.
+        prior: Prior of a likelihood fit; None: known, and not fitted.
+        meaning: The number in a few words, with the meaning of a positive sign.
+        by_ball: Standard deviation between balls, as a share of the number; 0: equal for all balls.
+        fit_each_ball: Whether each ball gets its own number if balls are distinguished.
+        percent: Whether reports of a fit show it in per cent.
     """
 
     name: str
@@ -200,34 +277,34 @@ class Opening(NamedTuple):
 
 
 class Term(ABC):
-    """A hypothesis. `parameters[0]` is its amplitude: at zero the term is absent, whatever the others say.
+    """A hypothesis. `parameters[0]` is its amplitude; at zero the term is absent regardless of the others.
 
-    Instances carry no state: all that a subclass declares is class data, and two instances of one class are equal.
+    Instances have no state: a subclass declares only class data, and two instances of one class are equal.
 
     Attributes:
-        name: Of the class in snake_case, unless the class gives another.
-        stage: One of STAGES; the base class of the kind gives it.
-        order: When it acts among the terms of its stage: by this number, ascending, and why there.
+        name: By default the class name in snake_case.
+        stage: One of STAGES, set by the base class.
+        order: Position among the terms of its stage, by ascending number, with the reason.
         parameters: The amplitude first.
-        direction: Along, up across, or left of the flight: where a positive amplitude moves a typical shot.
-        sentence: How a report says that this is at work.
-        phrase: The same with its size.
-        topspin_phrase: The same of balls with topspin, where that turns its direction round.
-        instrument: What settles it without a shot; None where it is `always` at work.
-        label: Its name in running text; by itself the name with spaces.
-        follows: The field of Circumstances that the amplitude is multiplied by.
-        record: What has to be recorded of shots so that they can show it; "" where every dataset will do. By itself
-            what the circumstance needs that it follows.
-        relative: Tested only where an earlier session reported what it changes.
-        always: At work in every simulation, its parameters known.
-        unseen: Why no number of shots counts as showing it; "" where enough of them do.
-        positive: Probability, before any shot, that the amplitude is above 0, where nature prefers a side.
-        law_sd: Of a law of physics, whose amplitude is 1 wherever the simulation lacks it: one standard deviation of
-            how far it may be off; None: any size is possible.
-        indoor_sd: One standard deviation of the amplitude in a closed hall, where that makes a difference.
-        calibration_sd: Of a tracker's calibration that is fitted with every track: one standard deviation of the
-            amplitude's prior there; None: the amplitude is tested like any other.
-        compared: Of a tracker's calibration that is tested, and compared with an earlier session's like what is fitted.
+        direction: Shift of a typical shot by a positive amplitude: along, up across, or left of the flight.
+        sentence: Sentence of a report that states the effect.
+        phrase: The same with the size of the effect.
+        topspin_phrase: The same for balls with topspin, if topspin reverses the direction.
+        instrument: Measurement that decides it without shots; None if it is `always` active.
+        label: Name in running text; by default the name with spaces.
+        follows: Field of Circumstances that multiplies the amplitude.
+        record: Data of shots required to show it; "" if every dataset is sufficient. By default the requirement of the
+            circumstance that it follows.
+        relative: Tested only if an earlier session reported the changed quantity.
+        always: Active in every simulation, with known parameters.
+        unseen: Reason why no number of shots can show it; "" if enough shots can.
+        positive: Prior probability that the amplitude is above 0, if nature prefers one sign.
+        law_sd: For a law of physics, whose amplitude is 1 if the simulation lacks it: standard deviation of the
+            amplitude; None: any size is possible.
+        indoor_sd: Standard deviation of the amplitude in a closed hall, if different.
+        calibration_sd: For a tracker calibration fitted with every track: standard deviation of the amplitude's prior;
+            None: the amplitude is tested like any other.
+        compared: Whether a tested tracker calibration is compared with an earlier session's, like fitted ones.
     """
 
     name: ClassVar[str]
@@ -270,11 +347,11 @@ class Term(ABC):
 
     @property
     def amplitude(self) -> Parameter:
-        """The first parameter, by which the term is found."""
+        """The first parameter, which is zero if the term is absent."""
         return self.parameters[0]
 
     def at_shot(self, values: Values, circumstances: Circumstances) -> Values:
-        """Values under the circumstances of shots: the amplitude times what it follows. Shapes broadcast."""
+        """Return the values in the circumstances of shots: the amplitude times what it follows. Shapes broadcast."""
         if self.follows is None:
             return values
         amplitude = self.amplitude.name
@@ -282,42 +359,42 @@ class Term(ABC):
 
 
 class SensingTerm(Term):
-    """A hypothesis about what the robot's sensors make of a configuration."""
+    """A hypothesis about errors of the robot's sensors."""
 
     stage = "sensing"
 
     @abstractmethod
     def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
-        """(launch by the wheels, distance in m) as they are in truth; differentiable.
+        """Return the true launch by the wheels and distance in m; differentiable.
 
-        exit, distance_m: as the sensors, and the sensing terms before this one in the catalogue, have them.
+        exit, distance_m: values of the sensors, corrected by the preceding sensing terms of the catalogue.
         """
 
 
 class WatchTerm(Term):
-    """A hypothesis about a tracker that watches the flight."""
+    """A hypothesis about a tracker that observes the flight."""
 
     stage = "sensing"
     record = "tracks of the ball"
 
     @abstractmethod
     def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:
-        """Where the tracker says the ball is at time_s of its own clock since release, in m, launcher frame.
+        """Return the tracked position of the ball in m, launcher frame, at time_s of the tracker's clock since release.
 
-        position_m, velocity_m_s: the ball in truth, time_s after release; differentiable.
+        position_m, velocity_m_s: true state of the ball, time_s after release; differentiable.
         """
 
 
 class LaunchTerm(Term):
-    """A hypothesis about how the wheels send off a ball."""
+    """A hypothesis about the launch of a ball by the wheels."""
 
     stage = "launch"
 
     @abstractmethod
     def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
-        """The launch as this term changes it; differentiable in values and launch.
+        """Return the launch as changed by this term; differentiable in values and launch.
 
-        exit: as the wheels' surfaces and the launch terms before this one in the catalogue have it.
+        exit: launch from the wheels' surfaces and the preceding launch terms of the catalogue.
         """
 
 
@@ -328,22 +405,22 @@ class InFlight(Term):
 
 
 class FlightTerm(InFlight):
-    """A hypothesis about forces in the air."""
+    """A hypothesis about forces during flight."""
 
     @abstractmethod
     def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
-        """Its acceleration in m/s2 (lanes broadcast), launcher frame; differentiable in values and state.
+        """Return its acceleration in m/s2 (lanes broadcast), launcher frame; differentiable in values and state.
 
-        ball: as the air sees it. forces: {term: acceleration} of the terms at work before it in the catalogue.
+        ball: state relative to the air. forces: {term: acceleration} of the preceding active terms of the catalogue.
         """
 
 
 class AirTerm(InFlight):
-    """A hypothesis about what air the ball meets, or what is left of its spin when it does."""
+    """A hypothesis about the air around the ball, or the spin that remains in it."""
 
     @abstractmethod
     def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:
-        """The ball as the air sees it: its velocity through the air, the spin that it has left; differentiable."""
+        """Return the ball relative to the air: its velocity through the air and remaining spin; differentiable."""
 
 
 class ArrivalTerm(Term):
@@ -354,7 +431,7 @@ class ArrivalTerm(Term):
 
     @abstractmethod
     def arrive(self, values: Values, opening: Opening) -> Opening:
-        """The opening as it is in truth; differentiable."""
+        """Return the true opening; differentiable."""
 
 
 KINDS = (SensingTerm, WatchTerm, LaunchTerm, AirTerm, FlightTerm, ArrivalTerm)

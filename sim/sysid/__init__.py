@@ -1,1 +1,1 @@
-"""What moves a flywheel or a hood's screw, fitted to speeds: friction, inertia, delay, and the gains that follow."""
+"""Identification of a flywheel or a hood's screw from speeds: friction, inertia, delay, and the resulting gains."""

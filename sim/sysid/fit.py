@@ -1,11 +1,11 @@
-"""One law of motion for a motor that turns something, simulated exactly as it is fitted, and its fit to speeds.
+"""Equation of motion of a motor and its load, its exact simulation, and its fit to speeds.
 
     effort = ks(direction) + kv w + kq w |w| + ka dw/dt
 
-with the effort held between its changes and the speed read `delay` late. The data of a fit: an effort over time and the
-speeds it caused, cut into pieces of motion in one direction. Within a piece the direction stays, so that the law is
-smooth there, and so are its slopes. Least squares are of trajectories, never of derivatives of what was measured; every
-piece has a starting speed of its own, so what disturbs one does not follow it into the next.
+with the effort constant between its changes and the speed read `delay` late. The data of a fit are an effort over time
+and the resulting speeds, cut into pieces of motion in one direction, within which the law and its slopes are smooth.
+Least squares compares trajectories, never derivatives of measured values; every piece has its own starting speed, so
+that a disturbance of one piece does not affect the next.
 """
 
 from collections.abc import Sequence
@@ -125,8 +125,7 @@ def _knots(record: Record, run: Run) -> tuple[Floats, Floats]:
     knots = np.concatenate([[begin_s], record.effort_t_s[inside], [end_s]])
     if np.diff(knots).max() > LONGEST_STEP_S:
         knots = np.union1d(knots, np.arange(begin_s, end_s, LONGEST_STEP_S))
-    index = np.maximum(np.searchsorted(record.effort_t_s, knots, side="right") - 1, 0)
-    return knots, record.effort[index]
+    return knots, record.effort[np.maximum(np.searchsorted(record.effort_t_s, knots, side="right") - 1, 0)]
 
 
 def _early_speed(record: Record, run: Run) -> float:

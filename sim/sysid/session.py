@@ -1,6 +1,6 @@
-"""Records to fit, an effort and the speed that it caused: from a session of `truearc sysid`, or from anybody's table.
+"""Records of effort and resulting speed for a fit, from a session of `truearc sysid` or from a table.
 
-The robot's base install reads sessions; only tables need pyarrow.
+The base installation on the robot can read sessions; only tables need pyarrow.
 """
 
 from collections.abc import Sequence
@@ -121,8 +121,7 @@ def load_steps(path: Path) -> Record:
 
     InputError names file, line and column.
     """
-    from truearc.sim.data.columns import need_columns, number_column
-    from truearc.sim.data.table import gathered, load_table
+    from truearc.sim.data.table import gathered, load_table, need_columns, number_column
     with gathered() as problems:
         table = load_table(path, problems)
         need_columns(table, ["t_s"])

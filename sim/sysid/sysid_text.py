@@ -1,9 +1,9 @@
-"""Fitted numbers and the gains that follow from them, as text and as TOML that can be pasted into launcher.toml.
+"""Fitted numbers and the resulting gains, as text and as TOML to paste into launcher.toml.
 
-Gains are by the SIMC rules. S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, J.
-Process Control 13 (2003) 291-309: with the closed loop as slow as the loop's dead time (tau_c = theta), for a
-first-order process and for a double-integrating one. Dead time is the measured delay, half a reading's age, half a tick
-for which a torque is held, and the filter of the derivative.
+Gains follow the SIMC rules (S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, J.
+Process Control 13 (2003) 291-309) with the closed-loop time constant equal to the dead time (tau_c = theta), for a
+first-order and a double-integrating process. Dead time is the sum of the measured delay, half a reading's age, half a
+tick for the held torque, and the filter of the derivative.
 """
 
 import math
@@ -41,8 +41,7 @@ def flywheel_gains(fit: SysidFit, config: Config) -> Gains:
     kp = fit.value("ka") / (2.0 * dead_s)
     kv = line(fit)[1].value
     slowest_s = 8.0 * dead_s
-    integral_s = min(fit.value("ka") / kv, slowest_s) if kv > 0.0 else slowest_s
-    return Gains(kp, kp / integral_s, 0.0, dead_s)
+    return Gains(kp, kp / (min(fit.value("ka") / kv, slowest_s) if kv > 0.0 else slowest_s), 0.0, dead_s)
 
 
 def hood_gains(fit: SysidFit, config: Config) -> Gains:

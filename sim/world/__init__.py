@@ -1,1 +1,1 @@
-"""The emulated robot: MuJoCo world, composition, device server and pacing."""
+"""Emulated robot: MuJoCo world, composition, device server and pacing."""

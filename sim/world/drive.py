@@ -1,7 +1,7 @@
-"""The electric drive: battery, brushless motors behind current-controlled drivers, wheels on their belt, and the hood.
+"""Electric drive: battery, brushless motors with current-controlled drivers, wheels on their belt, and the hood.
 
-The hood's motor sits on a pivot and turns an acme screw; a nut on the hood rides it. The linkage is a triangle of the
-hood's pivot, the motor's pivot and the nut; the screw is its changing side.
+The hood's motor is mounted on a pivot and turns an acme screw, which moves a nut on the hood. The linkage is a triangle
+of the hood's pivot, the motor's pivot and the nut; the screw is its side of variable length.
 """
 
 import math

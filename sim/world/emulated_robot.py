@@ -1,19 +1,27 @@
-"""The emulated robot: the robot's own code on one end of every wire, devices, a world and a driver on the other.
+"""Emulated robot: the robot's own code at one end of every wire; devices, a world and a driver at the other.
 
 `emulate` runs both in one process on a stepped clock; `serve` runs the devices alone, in real time, for a robot in
-another process.
+another process. Camera and vision run in a process of their own, as on the robot: rendering and evaluating an image
+takes longer than a tick and overlaps with the ticks until the image is due. Only the stepped clock determines the
+readings of the rig and their times: the rig waits for a reading that is due.
 """
 
+import contextlib
 import itertools
 import math
+import pickle
 import shlex
+import subprocess
+import sys
 import threading
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
+from typing import IO, Any
 
+import cv2
 import numpy as np
 from msgspec.structs import replace
 
@@ -21,19 +29,19 @@ from truearc.errors import InputError
 from truearc.hw.devices.button_box import ButtonBox, open_button_box
 from truearc.hw.devices.family import AttachedMotor, Axis
 from truearc.hw.devices.registry import family_of
-from truearc.hw.emulated.camera import EmulatedCamera, PictureServer, Stage
+from truearc.hw.emulated.camera import NOTHING, EmulatedCamera, Lens, PictureServer, Stage, TapeSize
 from truearc.hw.emulated.nodes import Node, Plant, StepClock, Stepper, Twin, View
 from truearc.hw.emulated.serial_link import SlcanAdapter, SocketCable, open_cable
-from truearc.hw.protocols import Clock, Frame, LinkLost
+from truearc.hw.fault_codes import PROCESS_ENDED
+from truearc.hw.protocols import CameraFrame, Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import CanBus, open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.wires import open_serial
 from truearc.robot.aim_file import NO_AIMS, Aims, load_aim_for, needs_aim
-from truearc.robot.config.overrides import split_bus
-from truearc.robot.config.schema import AimConfig, CameraConfig, Config, Tape
+from truearc.robot.config.named_tables import encoder_family_of
+from truearc.robot.config.schema import AimConfig, CameraConfig, Config, Tape, split_bus
 from truearc.robot.eyes import Eyes
 from truearc.robot.gate import load_gate
-from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import guard, make_motors, name_axes
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
@@ -41,12 +49,117 @@ from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import Screen, run, with_screen
 from truearc.robot.tick import step
+from truearc.robot.types import Sighting
+from truearc.robot.vision import detect
 from truearc.sim.printed import Progress
 from truearc.sim.world.drive import FEEDER, FLYWHEEL, HOOD
-from truearc.sim.world.emulated_vision import TwinEyes, make_lens, make_tape
 from truearc.sim.world.field import BallResult
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
+
+LATENCY_NS = 45_000_000               # middle of the exposure until the robot can read the sighting
+CLOSE_S = 2.0
+KEPT = 4                              # pictures the process remembers
+
+
+class TwinEyes:
+    """truearc.robot.eyes.Eyes on an emulated world; whoever owns the clock calls `step`."""
+
+    def __init__(self, plant: Plant, config: Config, seed: int) -> None:
+        # A new interpreter: forking one in which JAX runs threads may hang; spawning would run its main module again.
+        self._process = subprocess.Popen([sys.executable, "-m", __name__], stdin=subprocess.PIPE,
+                                         stdout=subprocess.PIPE)
+        self._say((config, seed))
+        self._plant = plant
+        self._period_ns = round(1e9 / config.camera.fps)
+        self._due_ns = self._now_ns = 0
+        self._asked: deque[int] = deque()         # exposures whose sightings have not been read
+        self._early: deque[Sighting] = deque()    # of those, sightings that had to be taken in before they were due
+        self._read_ns = 0
+
+    def step(self, t_ns: int) -> None:
+        """Expose when an image is due."""
+        self._now_ns = t_ns
+        if t_ns < self._due_ns:
+            return
+        self._due_ns += ((t_ns - self._due_ns) // self._period_ns + 1) * self._period_ns
+        self.expose(t_ns)
+
+    def expose(self, t_ns: int) -> None:
+        """Take an image now."""
+        self._say((t_ns, self._plant.view()))
+        self._asked.append(t_ns)
+
+    def read(self) -> Sighting | None:
+        newest = None
+        while self._asked and self._asked[0] + LATENCY_NS <= self._now_ns:
+            self._read_ns = self._asked.popleft()
+            newest = self._early.popleft() if self._early else self._hear()
+        return newest
+
+    def picture(self) -> CameraFrame | None:
+        while len(self._early) < len(self._asked):
+            self._early.append(self._hear())
+        self._say((self._read_ns, None))
+        picture: CameraFrame | None = self._hear()
+        return picture
+
+    def close(self) -> None:
+        assert self._process.stdin is not None and self._process.stdout is not None
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(CLOSE_S)
+        self._process.kill()
+        self._process.stdout.close()
+
+    def _say(self, what: object) -> None:
+        assert self._process.stdin is not None
+        pickle.dump(what, self._process.stdin)
+        self._process.stdin.flush()
+
+    def _hear(self) -> Any:
+        assert self._process.stdout is not None
+        try:
+            return pickle.load(self._process.stdout)
+        except EOFError as error:
+            raise LinkLost(PROCESS_ENDED(process="vision")) from error
+
+
+def look(ours: IO[bytes], theirs: IO[bytes]) -> None:
+    """The process, until its input ends: (time, view) -> sighting; (time, None) -> the picture of that time."""
+    cv2.setNumThreads(1)
+    stage = Stage(NOTHING)
+    config, seed = pickle.load(ours)
+    camera = EmulatedCamera(stage, make_lens(config.camera), make_tape(config.tape), seed)
+    pictures: deque[CameraFrame] = deque(maxlen=KEPT)
+    while True:
+        try:
+            t_ns, what = pickle.load(ours)
+        except (EOFError, KeyboardInterrupt):
+            return
+        if what is None:
+            answer: object = next((picture for picture in pictures if picture.t_ns == t_ns), None)
+        else:
+            stage.now = what
+            pictures.append(camera.expose(t_ns))
+            answer = detect(pictures[-1], config.camera, config.tape, config.vision)
+        pickle.dump(answer, theirs)
+        theirs.flush()
+
+
+def make_lens(camera: CameraConfig) -> Lens:
+    return Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px,
+                camera.distortion)
+
+
+def make_tape(tape: Tape) -> TapeSize:
+    return TapeSize(tape.top_width_m, tape.bottom_width_m, tape.height_m, tape.tape_width_m)
+
+
+if __name__ == "__main__":
+    look(sys.stdin.buffer, sys.stdout.buffer)
+
 
 LONGEST_TRIAL_S = 40.0                # a session that takes longer than this a trial is stuck, and ends
 CORRECTION_STEP = 0.005               # of log speed per mark, where the configuration has no [aim]
@@ -360,8 +473,7 @@ class Driver:
 
     def _mark(self, t_ns: int) -> None:
         self._press(self._world.results[self._seen].outcome)
-        rejected_share = bool(self._rng.uniform() < self._rejected_share)
-        self._wait(t_ns, BETWEEN_S, self._reject if rejected_share else self._begin)
+        self._wait(t_ns, BETWEEN_S, self._reject if self._rng.uniform() < self._rejected_share else self._begin)
 
     def _reject(self, t_ns: int) -> None:
         self._press("reject")

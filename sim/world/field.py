@@ -1,9 +1,10 @@
-"""The field: where the robot stands and drives, what its camera sees, and the flight of a ball to the goal.
+"""The playing field: position and motion of the robot, the camera's view, and the flight of a ball to the goal.
 
-The nip's axes lie along the launch; the launcher's have x horizontal out of the muzzle, y left, z up and their origin
-on the floor below the exit point; the field's have x towards the target with 0 in its plane, y left, z up. The flight
-is by MuJoCo's own fluid forces, until the ball crosses the target plane or meets the floor. Air may differ along it:
-wind above a height only, a drag coefficient that steps with speed. Between the wheels there is neither.
+The nip frame is aligned with the launch. The launcher frame has x horizontal out of the muzzle, y left, z up and its
+origin on the floor below the exit point; the field frame has x towards the target with 0 in its plane, y left, z up.
+MuJoCo's fluid forces determine the flight until the ball crosses the target plane or hits the floor. Air may vary along
+the flight: for example, wind that blows only above some height, or a drag coefficient that steps with speed. Neither
+applies between the wheels.
 """
 
 import math

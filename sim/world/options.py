@@ -1,4 +1,4 @@
-"""world.toml: what may be wrong with the emulated robot and its surroundings, each at its honest default.
+"""Schema of world.toml: possible defects of the emulated robot and its surroundings, each with a realistic default.
 
 Neither the runtime nor the fit ever reads this file.
 """

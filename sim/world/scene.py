@@ -1,4 +1,4 @@
-"""The balls, and one going through the wheels: a roller feeds it along a chute, and MuJoCo computes its contacts.
+"""Balls and their passage between the wheels: a roller feeds a ball along a chute, and MuJoCo computes its contacts.
 
 `scenes/` has the two MuJoCo models: the nip (a ball between two geared wheels) and free flight.
 """
@@ -99,8 +99,7 @@ class Rack:
         self._used[self._number(shot)] += 1
 
     def _number(self, shot: int) -> int:
-        order = np.random.default_rng([self._seed, 3, shot // RACK]).permutation(RACK)
-        return int(order[shot % RACK])
+        return int(np.random.default_rng([self._seed, 3, shot // RACK]).permutation(RACK)[shot % RACK])
 
 
 def air_density_kg_m3(options: Options) -> float:

@@ -23,10 +23,6 @@ def pandas(columns):
     return pytest.importorskip("pandas").DataFrame(columns)
 
 
-def nullable_pandas(columns):
-    return pytest.importorskip("pandas").DataFrame(columns).convert_dtypes()
-
-
 def polars(columns):
     return pytest.importorskip("polars").DataFrame(columns)
 
@@ -48,7 +44,7 @@ def loaded(tmp_path: Path) -> ta.Dataset:
     return ta.load_dataset(tmp_path / "d")
 
 
-@pytest.mark.parametrize("kind", [plain, pandas, nullable_pandas, polars, numpy])
+@pytest.mark.parametrize("kind", [plain, pandas, lambda columns: pandas(columns).convert_dtypes(), polars, numpy])
 def test_every_kind_of_table_gives_what_the_files_give(kind, loaded) -> None:
     made = ta.dataset(shots=kind(SHOTS), tracks=kind(TRACKS), traces=kind(TRACES), rig=FACTS, name="d")
     assert (made.name, made.rig, made.shots.shot_id) == (loaded.name, loaded.rig, loaded.shots.shot_id)
@@ -63,7 +59,6 @@ def test_every_kind_of_table_gives_what_the_files_give(kind, loaded) -> None:
 
 @pytest.mark.parametrize("kind", [plain, pandas, polars])
 @pytest.mark.parametrize(("change", "message"), [
-    ({"distance_m": [3.0, -1.0, 4.0]}, "shots: row 2: distance_m: -1 is out of range (0 to 100)"),
     ({"distance_m": [3.0, float("inf"), 4.0]}, "shots: row 2: distance_m: inf is not a finite number"),
     ({"distance_m": ["3", "far", "4"]}, "shots: row 2: distance_m: 'far' is not a finite number"),
     ({"outcome": ["three", "four", ""]}, "shots: row 2: outcome: 'four' is none of miss, two, three"),
@@ -89,15 +84,14 @@ def test_every_bad_cell_of_every_table_is_named_at_once() -> None:
     ({"distance_m": [1.0]}, "shots: column shot_id is missing"),
     ({"shot_id": ["a"], "distance_m": [1.0, 2.0]}, "shots: columns differ in length: shot_id 1, distance_m 2"),
     ({"shot_id": ["a"], " ": [1.0]}, "shots: column ' ': a name is needed"),
-    (np.zeros((2, 3)), "shots: an array without named columns")])
-def test_a_table_of_the_wrong_shape_is_refused(shots, message) -> None:
+    (np.zeros((2, 3)), "shots: an array without named columns"), ([1, 2], "shots: is of type list; a DataFrame")])
+def test_what_is_no_table_of_shots_is_refused(shots, message) -> None:
     with pytest.raises(ta.InputError, match=message.replace("(", r"\(")):
         ta.dataset(shots, rig=FACTS)
 
 
 def test_a_pandas_column_that_stands_twice_is_refused() -> None:
-    frame = pandas({"shot_id": ["a"], "x": [1.0]})
-    frame.columns = ["shot_id", "shot_id"]
+    frame = pandas({"shot_id": ["a"], "x": [1.0]}).set_axis(["shot_id"] * 2, axis=1)
     with pytest.raises(ta.InputError, match="shots: column 'shot_id' stands twice"):
         ta.dataset(frame, rig=FACTS)
 
@@ -114,15 +108,7 @@ def test_a_rig_may_be_a_value_a_path_or_a_mapping(tmp_path: Path) -> None:
     ({"ball": {"mass_kg": 0.0, "radius_m": 0.1}}, "rig: ball.mass_kg: 0.0 must be above 0"),
     ({"ball": {"mass_kg": 0.1}}, "rig: ball.radius_m: missing key"),
     ({"ball": {"mass_kg": 0.1, "radius_m": 0.1, "colour": "red"}}, "rig: key ball.colour is not known"),
-    ("nowhere.toml", "nowhere.toml")])
+    ("nowhere.toml", "nowhere.toml"), (None, "rig: is of type NoneType; a Rig, the path")])
 def test_a_bad_rig_is_named_by_its_key(rig, message) -> None:
     with pytest.raises(ta.InputError, match=message):
         ta.dataset(SHOTS, rig=rig)
-
-
-def test_what_is_no_table_or_rig_is_named() -> None:
-    for shots in ([1, 2], None):
-        with pytest.raises(ta.InputError, match=r"shots: is of type (list|NoneType); a DataFrame"):
-            ta.dataset(shots, rig=FACTS)
-    with pytest.raises(ta.InputError, match="rig: is of type NoneType; a Rig, the path"):
-        ta.dataset(SHOTS, rig=None)

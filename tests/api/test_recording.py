@@ -29,7 +29,9 @@ def test_ticks_come_in_order_as_often_as_wanted(session: Path) -> None:
         assert all(tick.verdict.fire != bool(tick.verdict.reasons) for tick in ticks)
 
 
-def test_a_recording_prints_and_has_its_trials_and_rig(session: Path) -> None:
+def test_a_recording_prints_and_has_its_trials_and_rig(session: Path, tmp_path: Path) -> None:
+    with pytest.raises(ta.InputError, match=r"session\.json"):
+        ta.Recording(tmp_path)
     recording = ta.Recording(str(session))
     (trial,) = recording.trials
     assert trial.shot is not None and recording.config.rig.ball.mass_kg > 0.0
@@ -45,8 +47,3 @@ def test_a_recording_that_ends_early_says_where(session: Path, tmp_path: Path) -
     recording = ta.Recording(tmp_path)
     assert 0 < len(list(recording)) < TICKS
     assert recording.cut_short is not None and "telemetry.mcap" in recording.cut_short
-
-
-def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ta.InputError, match=r"session\.json"):
-        ta.Recording(tmp_path)

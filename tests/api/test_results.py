@@ -12,12 +12,21 @@ from matplotlib.figure import Figure
 from msgspec import structs
 
 import truearc as ta
+from tests.sim.discover.worlds import World, make_outcomes
 from truearc.api.results import SavedFinding
 from truearc.cli.main import main
 from truearc.sim.discover.finding import FoundEffect
 
 pytestmark = pytest.mark.slow
 BELIEVE = ("gravity", "drag", "magnus")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The launcher slows down over the day, which no believed term models."""
+    path = tmp_path_factory.mktemp("api") / "week"
+    ta.save_dataset(path, make_outcomes(World(measured=True, speed_by_battery=0.05), 80, 3))
+    return path
 
 
 @pytest.fixture(scope="module")

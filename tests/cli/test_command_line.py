@@ -1,13 +1,14 @@
-"""Commands as a user meets them: help, typos, bad input and missing packages."""
+"""Commands as a user meets them: help, completion, typos, bad input, missing packages, and a quick start."""
 
 import argparse
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from truearc.cli.commands import Command, list_commands, make_parser
-from truearc.cli.main import main
+from truearc.cli.main import Command, list_commands, main, make_parser
 
 COMMANDS = list_commands()
 
@@ -99,11 +100,8 @@ def test_every_missing_argument_is_named_with_the_example(command: Command,
 
 @pytest.mark.parametrize(("words", "said"), [
     ("discover d --seeed 1", "--seeed: there is no such option; did you mean --seed?"),
-    ("discover d --see 1", "--see: there is no such option; did you mean --seed?"),
-    ("train --real d --coefficients c --lambda 0.1 -o w", "--lambda: there is no such option"),
     ("discover --seeed=1", "--seeed: there is no such option; did you mean --seed?"),
     ("discover d --seed x", "--seed: 'x' is not a whole number; give one such as 0"),
-    ("discover d --seed 1.5", "--seed: '1.5' is not a whole number; give one such as 0"),
     ("discover d --false-alarm x", "--false-alarm: 'x' is not a number; give one such as 0.5"),
     ("predict d --cd nan --cl 0", "--cd: got nan; expected at least 0"),
     ("discover d --seed", "--seed: its value is missing; example: truearc discover "),
@@ -129,21 +127,16 @@ sys.exit(main({words!r}))
 """
 
 
-@pytest.mark.parametrize(("words", "said"), [
-    (["prove", "--worlds", "1"], "needs truearc-proof: "),
-    (["reproduce"], "needs truearc-proof: "),
-], ids=" ".join)
-def test_what_proof_adds_is_refused_with_what_to_install(words: list[str], said: str) -> None:
-    done = subprocess.run([sys.executable, "-c", ALONE.format(words=words)], capture_output=True, text=True)
+def alone(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", ALONE.format(words=[*words])], capture_output=True, text=True)
+
+
+def test_alone_it_says_what_proof_would_add_and_imports_any_teams_logs() -> None:
     install = "pip install ./proof (in a checkout of the repository)"
-    assert (done.returncode, done.stderr) == (2, f"truearc {words[0]}: {said}{install}\n")
-    listed = subprocess.run([sys.executable, "-c", ALONE.format(words=["--help"])], capture_output=True, text=True)
-    assert f"  {words[0]} " not in listed.stdout and "  discover " in listed.stdout
-
-
-def test_alone_it_imports_any_teams_logs_and_says_where_other_importers_are() -> None:
-    shown, refused = (subprocess.run([sys.executable, "-c", ALONE.format(words=["import", *words])],
-                                     capture_output=True, text=True) for words in (["--help"], ["mpi", "a", "-o", "d"]))
+    done, listed = alone("prove", "--worlds", "1"), alone("--help").stdout
+    assert (done.returncode, done.stderr) == (2, f"truearc prove: needs truearc-proof: {install}\n")
+    assert "  discover " in listed and not any(f"  {name} " in listed for name in ("prove", "reproduce"))
+    shown, refused = alone("import", "--help"), alone("import", "mpi", "a", "-o", "d")
     assert shown.returncode == 0 and "{csv,wpilog}" in shown.stdout and "pip install ./proof" in shown.stdout
     assert refused.returncode == 2 and "give one of: csv, wpilog" in refused.stderr
 
@@ -194,3 +187,82 @@ def test_a_missing_package_says_what_to_install(package, install, words, tmp_pat
     code = f"import sys; sys.modules[{package!r}] = None\nfrom truearc.cli.main import main\nsys.exit(main({words!r}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 2 and f"pip install {install}" in done.stderr and "Traceback" not in done.stderr
+
+
+# --- start-up: help loads no numerical library, and answers at once
+
+HEAVY = ("cantools", "can", "cv2", "jax", "matplotlib", "mujoco", "numba", "numpy", "onnx", "onnxruntime", "optax",
+         "pandas", "pyarrow", "scipy", "serial", "sklearn", "shtab")
+# One interpreter: each command's parser in turn, and what is loaded after it.
+CODE = f"""
+import sys
+from truearc.cli.main import list_commands, main, make_parser
+for command in list_commands():
+    make_parser(command).format_help()
+    for name in {HEAVY!r}:
+        if name in sys.modules:
+            print(command.name, name)
+            sys.modules.pop(name)
+main(["--help"])
+print("then", *(name for name in {HEAVY!r} if name in sys.modules))
+"""
+
+
+def run(code: str) -> list[str]:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()
+
+
+def test_no_help_loads_a_numerical_library() -> None:
+    lines = run(CODE)
+    at = next(row for row, line in enumerate(lines) if line.startswith("usage: truearc COMMAND"))
+    assert lines[:at] == []
+    assert lines[-1] == "then"
+
+
+def test_the_list_of_commands_imports_no_command_of_ours() -> None:
+    loaded = run("import sys; from truearc.cli.main import main; main(['--help']);"
+                 "print('loaded', *(name for name in sys.modules if name.startswith('truearc.')))")[-1].split()
+    ours = {command.run.partition(":")[0] for command in list_commands() if not command.distribution}
+    assert not (ours - {"truearc.cli.main"}) & set(loaded)
+
+
+# --- completion, as bash itself completes
+
+ASK = """
+source "$1"; shift
+COMP_WORDS=(truearc "$@"); COMP_CWORD=$#; COMPREPLY=()
+_shtab_truearc truearc "${COMP_WORDS[$COMP_CWORD]}" "${COMP_WORDS[$((COMP_CWORD - 1))]}"
+printf '%s\\n' "${COMPREPLY[@]}"
+"""
+
+
+@pytest.fixture(scope="module")
+def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if shutil.which("bash") is None:
+        pytest.skip("needs bash")
+    path = tmp_path_factory.mktemp("completion") / "truearc.bash"
+    with pytest.MonkeyPatch.context() as patch, path.open("w") as file:
+        patch.setattr("sys.stdout", file)
+        assert main(["completion", "bash"]) == 0
+    return path
+
+
+@pytest.mark.parametrize(("words", "completed"), [
+    (["dis"], {"discover"}), (["paper", ""], {"fit", "synth", "train", "sweep"}),
+    (["session", "re"], {"replay", "recover"}), (["paper", "fit", "--pi"], {"--picture"}),
+    (["vision-c"], {"vision-calibrate"}), (["vision", "a.jpg", "--l"], {"--labels"}),
+    (["vision-calibrate", "--b"], {"--board", "--bias-sigma"}),
+    (["session", "convert", "s", "--to", ""], {"csv", "mcap", "parquet", "wpilog"}), (["prov"], {"prove"}),
+])
+def test_bash_completes_commands_options_and_choices(script: Path, words: list[str], completed: set[str]) -> None:
+    done = subprocess.run(["bash", "-c", ASK, "ask", str(script), *words], capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == completed
+
+
+@pytest.mark.parametrize("shell", ["zsh", "tcsh"])
+def test_other_shells_get_every_command(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["completion", shell]) == 0
+    said = capsys.readouterr().out
+    for command in list_commands():
+        assert command.name.rpartition(" ")[2] in said

@@ -11,17 +11,9 @@ from scipy.stats import chi2_contingency
 import truearc as ta
 from benchmarks.demo_seeds import holm, two_proportions
 from tests.portability.elsewhere import run_elsewhere
+from truearc.cli import demo_acts
 from truearc.cli.common import SHIPPED
-from truearc.cli.demo_acts import (
-    EFFECTS,
-    FALLS_AT_M,
-    HOOD_DEG,
-    RATIO,
-    Sizes,
-    draw_effect,
-    fire,
-    marked_settings,
-)
+from truearc.cli.demo_acts import EFFECTS, HOOD_DEG, RATIO, Sizes, draw_effect, fire, marked_settings
 from truearc.robot.config.schema import load_config
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.world.options import Options
@@ -33,9 +25,9 @@ PLAY = f"""
 import argparse, pathlib
 import numpy as np
 from truearc.cli import demo, demo_acts
-from truearc.sim.gate import surrogate
+from truearc.sim.gate import train
 demo_acts.DISTANCES_M = np.arange(2.5, 8.01, 1.1)      # each row of a table is a search
-surrogate.CHECKED, surrogate.LEARNED = 3000, 2000      # the gate's polynomial; tests/sim/gate has it as it is
+train.CHECKED, train.LEARNED = 3000, 2000      # the gate's polynomial; tests/sim/gate has it as it is
 demo.secrets.choice = lambda seeds: 12                 # the printed seed repeats what it drew
 sizes = demo_acts.Sizes{tuple(QUICK)}
 assert demo.demo(argparse.Namespace(out=pathlib.Path("report"), seed=None, quiet=True), sizes) == 0
@@ -56,7 +48,7 @@ def test_a_seed_repeats_the_draw_and_the_seal_is_of_the_text() -> None:
 def test_practice_knows_where_balls_of_the_world_fall() -> None:
     rows = np.flatnonzero(np.isin(HOODS_DEG, HOOD_DEG))
     assert np.allclose(RATIO, RATIOS) and len(rows) == len(HOOD_DEG)
-    np.testing.assert_allclose(FALLS_AT_M, reach_table()[rows], atol=0.011)
+    np.testing.assert_allclose(demo_acts.FALLS_AT_M, reach_table()[rows], atol=0.011)
 
 
 def test_marked_shots_score_by_the_belief_and_are_spread_in_hood() -> None:

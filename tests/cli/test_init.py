@@ -25,13 +25,6 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "week"
 
 
-def fill_in(folder: Path) -> None:
-    """Replace every nan of rig.toml by what was measured."""
-    path = folder / "rig.toml"
-    path.write_text(re.sub(r"^(\w+) = nan\b", lambda key: f"{key[1]} = {MEASURED[key[1]]}", path.read_text(),
-                           flags=re.MULTILINE))
-
-
 def test_template_states_every_key_that_the_page_documents(made: Path) -> None:
     part = DOCS.read_text().split("\n## rig.toml\n")[1].split("\n## ")[0]
     keys = {key.rpartition(".")[2] for key in re.findall(r"^\| `([\w.]+)` \|", part, re.MULTILINE)}
@@ -45,7 +38,9 @@ def test_check_names_all_that_is_not_filled_in(made: Path, capsys: pytest.Captur
 
 
 def test_check_plans_a_season_where_there_are_no_shots(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    fill_in(made)
+    path = made / "rig.toml"                      # every nan is replaced by what was measured
+    path.write_text(re.sub(r"^(\w+) = nan\b", lambda key: f"{key[1]} = {MEASURED[key[1]]}", path.read_text(),
+                           flags=re.MULTILINE))
     assert main(["check", "week", "--quiet"]) == 0
     said = capsys.readouterr().out
     assert "no shots yet" in said and "300 shots of this kind (L0) would show" in said
@@ -110,11 +105,8 @@ def test_init_of_tracks_asks_for_no_wheels_and_no_target(tmp_path: Path, capsys:
     assert (folder / "tracks.csv").read_text(encoding="utf-8") == "shot_id,t_s,x_m,y_m,z_m\n"
     rig = tomllib.loads((folder / "rig.toml").read_text(encoding="utf-8"))
     assert set(rig["launcher"]) == {"release_height_m"} and "target" not in rig and rig["noise"]["track_m"] == 0.015
-    numbers = {"mass_kg": "0.14", "radius_m": "0.0889", "release_height_m": "0.75"}
-    text = (folder / "rig.toml").read_text(encoding="utf-8")
-    for key, number in numbers.items():
-        text = text.replace(f"{key} = nan", f"{key} = {number}")
-    (folder / "rig.toml").write_text(text, encoding="utf-8")
+    filled = re.sub(r"^(\w+) = nan\b", r"\1 = 0.14", (folder / "rig.toml").read_text("utf-8"), flags=re.MULTILINE)
+    (folder / "rig.toml").write_text(filled, encoding="utf-8")
     for name in ("shots.csv", "tracks.csv"):
         (folder / name).write_bytes((SHOTS.parent / "tracks" / name).read_bytes())
     assert len(ta.load_dataset(folder).shots) == 24
@@ -126,8 +118,7 @@ def test_shots_in_the_users_units(tmp_path: Path, capsys: pytest.CaptureFixture[
     folder = tmp_path / "week"
     assert main(["init", str(folder), "--units", "ft,rad"]) == 0
     assert (folder / "shots.csv").read_text(encoding="utf-8") == "shot_id,distance_ft,hood_rad,motor_ratio,outcome\n"
-    rig = (SHOTS / "rig.toml").read_text(encoding="utf-8")
-    (folder / "rig.toml").write_text(rig, encoding="utf-8")
+    shutil.copy(SHOTS / "rig.toml", folder)
     with open(folder / "shots.csv", "a", encoding="utf-8") as file:
         file.write("a,10,0.7853981634,0.5,three\n")
     shots = ta.load_dataset(folder).shots

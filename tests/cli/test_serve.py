@@ -13,9 +13,8 @@ from pathlib import Path
 import pytest
 
 from truearc import robot
-from truearc.cli.commands import NAMES, make_parser
 from truearc.cli.gate import make_server
-from truearc.cli.main import main
+from truearc.cli.main import NAMES, main, make_parser
 from truearc.robot.gate import load_gate
 
 GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"

@@ -47,6 +47,5 @@ def main(port: int, seconds: float, trouble: str = "", key: str = "", after_s: f
 
 
 if __name__ == "__main__":
-    words = sys.argv[1:]
-    main(int(words[0]), float(words[1]), *words[2:4], float(words[4])) if words[2:] else main(int(words[0]),
-                                                                                              float(words[1]))
+    port, seconds, trouble, key, after_s = [*sys.argv[1:], "", "", "0"][:5]
+    main(int(port), float(seconds), trouble, key, float(after_s))

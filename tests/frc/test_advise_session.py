@@ -2,29 +2,20 @@
 
 import json
 import signal
-import socket
 import subprocess
 import sys
-import threading
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from tests.frc.nt_server import free_port
+from tests.frc.test_doctor import GATE, MAP
 from truearc.cli.main import main
 
 pytestmark = pytest.mark.slow
-GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
 SECONDS, AFTER_S = 6.5, 3.5
-
-MAP = """schema = "truearc.shot-map/1"
-[columns]
-distance_m = "/Vision/Distance"
-hood_deg = { key = "/Hood/Angle", unit = "deg" }
-motor_rad_s = { key = "/Shooter/RPM", unit = "rpm" }
-battery_v = "/Battery"
-"""
 
 
 class Beside(NamedTuple):
@@ -38,10 +29,8 @@ class Beside(NamedTuple):
 def play_beside(gate: Path, folder: Path, seconds: float, trouble: str = "", key: str = "",
                 after_s: float = 0.0) -> Beside:
     """Both programs in processes of their own for these seconds."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    (folder / "shots.toml").write_text(MAP, encoding="utf-8")
+    port = free_port()
+    (folder / "shots.toml").write_text(MAP.partition("[outcome")[0], encoding="utf-8")
     words = [trouble, key, str(after_s)] if trouble else []
     robot = subprocess.Popen([sys.executable, str(Path(__file__).with_name("stand_in_robot.py")), str(port),
                               str(seconds), *words], stdout=subprocess.PIPE, text=True)
@@ -78,25 +67,3 @@ def test_no_advice_to_fire_when_a_key_is_gone(tmp_path: Path) -> None:
     heard, _, _ = beside(tmp_path, "disappears", "/Shooter/RPM")      # other troubles: test_advice.py
     assert "FIRE" in [word for at, word in heard if at < AFTER_S]
     assert "FIRE" not in [word for at, word in heard if at > AFTER_S + 1.0]
-
-
-@pytest.mark.parametrize(("words", "said"), [(["--map", "tracker"], "name no motor_rad_s and no wheel"),
-                                             (["--map", "nowhere"], "neither a file nor an installed map"),
-                                             (["--map", "wpilib", "--rate", "5"], "expected 20 to 1000")])
-def test_what_cannot_begin_is_refused_before_there_is_a_folder(words: list[str], said: str, tmp_path: Path,
-                                                               capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "sessions"
-    assert main(["advise", "--nt", "127.0.0.1:1", "--gate", str(GATE), "--out", str(out), *words]) == 2
-    assert said in capsys.readouterr().err and not out.exists()
-
-
-def test_a_server_that_is_not_there_is_said(tmp_path: Path) -> None:
-    words = ["advise", "--nt", "127.0.0.1:1", "--map", "wpilib", "--gate", str(GATE), "--out", str(tmp_path)]
-    asked = subprocess.Popen([sys.executable, "-m", "truearc", *words], stderr=subprocess.PIPE, text=True)
-    late = threading.Timer(60.0, asked.kill)
-    late.start()
-    assert asked.stderr is not None
-    assert any("127.0.0.1:1: does not answer" in line for line in asked.stderr)
-    asked.send_signal(signal.SIGINT)
-    assert asked.wait() == 0
-    late.cancel()

@@ -4,7 +4,7 @@ import math
 import struct
 import time
 from collections.abc import Mapping
-from pathlib import Path
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -14,25 +14,18 @@ from hypothesis import strategies as some
 from msgspec.structs import replace
 
 from tests.frc.nt_server import Table
-from tests.frc.test_advice import GATE, HZ, MAP, NS, Clock, Robot
+from tests.frc.test_advice import GATE, HZ, MAP, NS, Clock, Nothing, Robot
 from truearc.cli.common import SHIPPED
-from truearc.cli.main import main
-from truearc.errors import InputError
 from truearc.hw.protocols import LinkLost
-from truearc.hw.real.processes import Slots
-from truearc.robot.advice import POLICY, step
+from truearc.hw.real.clock import MonotonicClock
+from truearc.robot.advice import advise_step
 from truearc.robot.config.schema import AprilTag, Config, load_config
-from truearc.robot.eyes import FarEyes, make_room, relay
 from truearc.robot.gate import load_gate
-from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.session import make_header
-from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Sighting
-from truearc_frc.advice import AdviceIo, advised_columns
-from truearc_frc.camera import NtCamera, OwnNtCamera, keys_of_camera
+from truearc_frc.advice import AdviceIo, Adviser, advised_columns
+from truearc_frc.inputs import NtCamera, OwnNtCamera, keys_of_camera
 from truearc_frc.keys import Reading
-from truearc_frc.publisher import Adviser
 from truearc_frc.table import Nt4, Nt4Vision, nt4_of, with_nt4
 
 KINDS = ("photonvision", "limelight")
@@ -95,10 +88,8 @@ UP = {"photonvision": 2, "limelight": 1}
     ("limelight", {"tid": 3.0}, "no_tag"), ("limelight", {"stddevs/1": math.nan}, "nt_value_impossible"),
     ("limelight", {"stddevs/0": -1.0}, "nt_value_impossible"), ("limelight", {"tl": math.nan}, "nt_value_impossible"),
     *(("limelight", {key: math.nan}, "nt_value_impossible") for key in ("tid", "tv", "hb", "cl")),
-    *(("photonvision", {"hasTarget": value}, "nt_value_impossible") for value in (2.0, math.nan)),
-    ("photonvision", {"heartbeat": math.nan}, "nt_value_impossible"),
-    ("photonvision", {"latencyMillis": 1e9}, "nt_value_impossible"),
-    ("photonvision", {"latencyMillis": -1.0}, "nt_value_impossible"),
+    *(("photonvision", {key: value}, "nt_value_impossible") for key, value in (
+        ("hasTarget", 2.0), ("heartbeat", math.nan), ("latencyMillis", 1e9), ("latencyMillis", -1.0))),
     *((kind, {f"{pose}/{axis}": value}, "nt_value_impossible") for kind, pose in (
         ("photonvision", "targetPose"), ("limelight", "targetpose_cameraspace"))
       for axis in range(3) for value in (math.nan, math.inf)),
@@ -123,10 +114,8 @@ def test_a_key_that_is_not_there_is_named(kind: str) -> None:
             look(kind, found)
         assert lost.value.reason.params == {"key": key}
     assert set(whole) == set(keys_of_camera(nt4_of(config(kind)).vision))           # type: ignore[union-attr]
-    table = Table(whole)
-    table.connected = False
     with pytest.raises(LinkLost, match="nt_lost"):
-        NtCamera(config(kind), table, Clock()).read()
+        NtCamera(config(kind), Table(whole, connected=False), Clock()).read()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -193,89 +182,38 @@ class Seeing(Robot):
         return found | keys(self.kind, seen_by(self.kind, lens_m, 0.0, 24.0, 0.6), t_ns)
 
 
-def advised(robot: Seeing, seconds: float, recorder: object = None) -> list[str]:
-    from tests.frc.test_advice import Nothing
-    clock, facts, gate = Clock(), config(robot.kind), load_gate(GATE)
-    end_ns = clock.t_ns + round(seconds * NS)
-    io = AdviceIo(facts, MAP, robot, clock, lambda: clock.t_ns >= end_ns, 0.02, NtCamera(facts, robot, clock))
-    run(io, facts, gate, Adviser(recorder or Nothing(), robot, facts, gate), step)      # type: ignore[arg-type]
-    return [str(said["verdict"]) for said in robot.said]
-
-
-def test_advice_by_a_camera_records_and_replays_to_the_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    robot, facts, gate = Seeing("limelight"), config("limelight"), load_gate(GATE)
-    assert "distance_m" not in advised_columns(MAP, facts)
-    recorder = SessionWriter(tmp_path / "s", replace(make_header(facts, gate, None), policy=POLICY), facts,
-                             GATE.read_bytes(), lossless=True)
-    verdicts = advised(robot, 3.0, recorder)
-    recorder.close()
-    assert verdicts.count("FIRE") > 0.8 * len(verdicts)
-    ticks = [tick for tick, _ in TickReader(tmp_path / "s")]
-    assert ticks[-1].estimate.distance_m == pytest.approx(2.2488, abs=0.01)
-    assert ticks[-1].estimate.distance_sigma_m == pytest.approx(math.hypot(0.03, 0.03, 0.04))
-    assert main(["session", "replay", str(tmp_path / "s"), "--check"]) == 0
-    assert "150 ticks" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("trouble", "patience_s"), [("freezes", 0.6), ("jumps", 0.05), ("disappears", 0.02)])
 def test_no_advice_to_fire_by_a_camera_in_trouble(kind: str, trouble: str, patience_s: float) -> None:
-    verdicts = advised(Seeing(kind, trouble), 5.0)
+    robot, clock, facts, gate = Seeing(kind, trouble), Clock(), config(kind), load_gate(GATE)
+    assert "distance_m" not in advised_columns(MAP, facts)
+    end_ns = clock.t_ns + 5 * NS
+    io = AdviceIo(facts, MAP, robot, clock, lambda: clock.t_ns >= end_ns, 0.02, NtCamera(facts, robot, clock))
+    run(io, facts, gate, Adviser(Nothing(), robot, facts, gate), advise_step)           # type: ignore[arg-type]
+    verdicts = [str(said["verdict"]) for said in robot.said]
     assert "FIRE" in verdicts[:2 * HZ] and "FIRE" not in verdicts[round((2.0 + patience_s) * HZ) + 1:]
 
 
-def test_a_struct_on_a_real_server_reaches_the_control_process(nt_server: tuple[Any, str]) -> None:
+def test_a_struct_on_a_real_server_is_read(nt_server: tuple[Any, str]) -> None:
     server, address = nt_server
     table = server.getTable("photonvision/front")
-    pose = table.getRawTopic("targetPose").publish("struct:Transform3d")
-    numbers = {name: table.getDoubleTopic(name).publish() for name in ("latencyMillis",)}
+    pose, late = table.getRawTopic("targetPose").publish("struct:Transform3d"), table.getDoubleTopic("latencyMillis")
     alive, seen = table.getIntegerTopic("heartbeat").publish(), table.getBooleanTopic("hasTarget").publish()
-    facts = with_nt4(config("photonvision"), Nt4(address, Nt4Vision("photonvision", "front", 0.03)))
-
-    class Ticking:
-        def now_ns(self) -> int:
-            return time.monotonic_ns()
-
-        def sleep_until_ns(self, t_ns: int) -> None: ...
-
-    clock, room = Ticking(), make_room(8, 6)
-    memory = bytearray(room.bytes)
-    camera, told = OwnNtCamera(facts, clock), list[Sighting]()
-    eyes = FarEyes(Slots(memory, room), lambda: None, clock)
-    began, count = time.monotonic(), 0
-
-    def is_over(wait_s: float) -> bool:
-        nonlocal count
-        count += 1
+    latency = late.publish()
+    camera = OwnNtCamera(with_nt4(config("photonvision"), Nt4(address, Nt4Vision("photonvision", "front", 0.03))),
+                         MonotonicClock())
+    began, told = time.monotonic(), list[Sighting]()
+    while len(told) < 3 and time.monotonic() - began < 10.0:
+        count = round((time.monotonic() - began) * 1e3)
         place = seen_by("photonvision", 3.0 + 1e-6 * count, 5.0, 24.0, 0.6)
         pose.set(struct.pack("<7d", *place, 1.0, 0.0, 0.0, 0.0))
-        numbers["latencyMillis"].set(1e3 * LATENCY_S)
+        latency.set(1e3 * LATENCY_S)
         seen.set(True)
         alive.set(count)
         server.flush()
         time.sleep(0.01)
-        try:
-            if (sighting := eyes.read()) is not None:
-                told.append(sighting)
-        except LinkLost:
-            pass                                  # not connected yet
-        return len(told) >= 3 or time.monotonic() - began > 10.0
-
-    relay(camera, Slots(memory, room), clock, is_over)
+        with suppress(LinkLost):                  # not connected yet
+            told += [sighting] if (sighting := camera.read()) is not None else []
     camera.close()
     assert len(told) >= 3 and told[-1].found and told[-1].distance_m == pytest.approx(3.0 + BEHIND_M, abs=1e-3)
     assert LATENCY_S <= (time.monotonic_ns() - told[-1].t_ns) / NS < LATENCY_S + 1.0
-
-
-@pytest.mark.parametrize(("added", "said"), [
-    ('[nt4.vision]\nkind = "limelight"\ncamera = "limelight"\nsigma_m = 0.05', "nt4.vision: needs .apriltag"),
-    ('[nt4.vision]\nkind = "limelight"\ncamera = "/"\nsigma_m = 0.05\n[apriltag]\nids = [4]\nside_m = 0.1651\n'
-     "centre_height_m = 1.35", "nt4.vision.camera: is empty"),
-    ('[nt4.vision]\nkind = "zed"\ncamera = "x"\nsigma_m = 0.05', "nt4.vision.kind"),
-    ('[nt4.vision]\nkind = "limelight"\ncamera = "x"\nsigma_m = 0', "nt4.vision.sigma_m")])
-def test_what_cannot_be_is_refused_by_its_key(added: str, said: str, tmp_path: Path) -> None:
-    path = tmp_path / "launcher.toml"
-    text = SHIPPED.read_text(encoding="utf-8")
-    path.write_text(f'{text}\n[nt4]\nserver = "254"\n{added}\n', encoding="utf-8")
-    with pytest.raises(InputError, match=said):
-        load_config(path)

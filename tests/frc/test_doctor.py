@@ -17,11 +17,12 @@ from truearc.hw.devices.family import FAILURE, OK, WARNING
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import load_map
 from truearc_frc.advice import scaled_columns
-from truearc_frc.camera import calibration_key, keys_of_camera
 from truearc_frc.doctor import HeardKeys, check_network, check_tags, keys_wanted
+from truearc_frc.inputs import calibration_key, keys_of_camera
 from truearc_frc.keys import Reading
 from truearc_frc.table import Nt4, Nt4Velocity, Nt4Vision, with_nt4
 
+GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
 CONFIG = load_config(SHIPPED)
 MAP = """schema = "truearc.shot-map/1"
 [columns]
@@ -42,10 +43,6 @@ def seeing(kind: str) -> Config:
 
 def levels(heard: HeardKeys, lively: tuple[str, ...] = ("/a",), still: tuple[str, ...] = ("/b",)) -> list[str]:
     return [finding.level for finding in check_network("254", lively, still, heard)]
-
-
-def test_what_is_well_is_said_to_be() -> None:
-    assert levels(HEARD) == [OK] * 4
 
 
 @pytest.mark.parametrize(("heard", "level", "place"), [
@@ -80,13 +77,10 @@ def test_a_value_that_advice_would_not_believe_fails(column: str, value: float |
         assert finding.says == f"{column} {value:.4g} (sent as {value:g}), 50 changes per second"
 
 
-def test_only_an_outcome_may_be_a_text() -> None:
+def test_only_an_outcome_may_be_a_text_and_a_server_that_is_not_there_is_all_that_is_said() -> None:
     heard = HEARD._replace(newest={**HEARD.newest, "/b": Reading(1, "in")})
-    assert levels(heard) == [OK, OK, FAILURE, OK]
+    assert levels(heard) == [OK, OK, FAILURE, OK] and levels(HEARD) == [OK] * 4
     assert [one.level for one in check_network("254", ["/a"], ["/b"], heard, texts=["/b"])] == [OK] * 4
-
-
-def test_a_server_that_is_not_there_is_all_that_is_said() -> None:
     assert levels(HEARD._replace(is_connected=False)) == [FAILURE]
 
 
@@ -159,7 +153,9 @@ def test_the_keys_of_a_map_on_a_real_server(robot: str, tmp_path: Path, capsys: 
     (["--check", "--nt", "254"], "--map: missing"), (["--nt", "254", "--map", "wpilib"], "--gate is needed"),
     (["--nt", "254", "--map", "wpilib", "--json"], "--json: applies with --check only"),
     (["--check", "--nt", "254", "--map", "wpilib", "--gate", "x"], "--gate: does not apply with --check"),
-    (["--check", "--nt", "robot:x", "--map", "tracker"], "no motor_rad_s")])
+    (["--check", "--nt", "robot:x", "--map", "tracker"], "no motor_rad_s"),
+    (["--nt", "254", "--gate", str(GATE), "--map", "nowhere"], "neither a file nor an installed map"),
+    (["--nt", "254", "--gate", str(GATE), "--map", "wpilib", "--rate", "5"], "expected 20 to 1000")])
 def test_what_cannot_be_looked_at_is_refused(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["advise", *words]) == 2
     assert said in capsys.readouterr().err

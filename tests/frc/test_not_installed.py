@@ -16,10 +16,10 @@ from tests.frc.test_advice import config as advised
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs
 from truearc.cli.common import SHIPPED
 from truearc.hw.protocols import CameraFrame
-from truearc.robot.advice import POLICY, step
+from truearc.robot.advice import ADVICE, advise_step
+from truearc.robot.config.named_tables import ReadEncoder
 from truearc.robot.config.schema import AprilTag, Config
 from truearc.robot.gate import load_gate
-from truearc.robot.hood_encoders import ReadEncoder
 from truearc.robot.reasons import ROBOT_TOO_FAST
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import replay
@@ -28,11 +28,9 @@ from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Command, Inputs, Sent
 from truearc_frc.advice import AdviceIo
-from truearc_frc.camera import NtCamera, keys_of_camera
-from truearc_frc.encoder import NtEncoder
+from truearc_frc.inputs import NtCamera, NtEncoder, NtVelocity, keys_of_camera
 from truearc_frc.keys import Reading
 from truearc_frc.table import Nt4, Nt4Velocity, Nt4Vision, with_nt4
-from truearc_frc.velocity import NtVelocity
 
 VISION = Nt4Vision("photonvision", "front", 0.03)
 NT4 = Nt4("127.0.0.1:1", VISION, Nt4Velocity("/v", 2.0, 2.0, delay_s=0.1))
@@ -119,10 +117,10 @@ def beside(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("beside") / "session"
     facts, gate, clock = advised(), load_gate(GATE), Clock()
     end_ns = clock.t_ns + 2_000_000_000
-    header = replace(make_header(facts, gate, None), policy=POLICY)
+    header = replace(make_header(facts, gate, None), policy=ADVICE)
     recorder = SessionWriter(folder, header, facts, GATE.read_bytes(), lossless=True)
     rig = AdviceIo(facts, MAP, Robot(), clock, lambda: clock.t_ns >= end_ns, 0.02)
-    assert run(rig, facts, gate, recorder, partial(step)) > TICKS
+    assert run(rig, facts, gate, recorder, partial(advise_step)) > TICKS
     recorder.close()
     return folder
 
@@ -134,8 +132,7 @@ def test_readings_are_recorded_and_judged(launched: Path) -> None:
     assert ROBOT_TOO_FAST.name in {reason.code for reason in tick.verdict.reasons}
 
 
-@pytest.mark.parametrize("listed", ["no", "yes"])
-@pytest.mark.parametrize("session", ["launched", "beside"])
+@pytest.mark.parametrize(("session", "listed"), [("launched", "no"), ("beside", "yes")])
 def test_a_recording_replays_to_the_bit(session: str, listed: str, request: pytest.FixtureRequest) -> None:
     folder = request.getfixturevalue(session)
     done = without("session", "replay", folder, "--check", listed=listed)

@@ -1,7 +1,7 @@
 """Ticks of a launcher of ours as topics: on a real NetworkTables server, and without one."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,40 +9,25 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from tests.frc.nt_server import Table
 from tests.robot.good_tick import good_inputs, good_memory
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.protocols import Clock
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.config.schema import load_config
-from truearc.robot.readings import open_their_screens
+from truearc.robot.config.schema import Config, load_config
+from truearc.robot.eyes import open_their_screens
 from truearc.robot.runtime import open_screens
 from truearc.robot.tick import step
 from truearc.robot.types import Tick, Verdict
-from truearc_frc.publisher import NtPublisher
+from truearc_frc.advice import NtPublisher
 from truearc_frc.table import Nt4, nt4_of, with_nt4
 
 GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
 CONFIG = load_config(SHIPPED)
 FIRED = step(good_inputs(), good_memory(), CONFIG, None)
 HELD = replace(FIRED, verdict=Verdict(False, ()))
-
-
-class Table:
-    """A server that keeps what is published."""
-
-    connected = True
-
-    def __init__(self) -> None:
-        self.said: list[dict[str, float | str | Sequence[str]]] = []
-        self.closed = False
-
-    def publish(self, values: dict[str, float | str | Sequence[str]]) -> None:
-        self.said.append(dict(values))
-
-    def close(self) -> None:
-        self.closed = True
 
 
 class Still:
@@ -89,6 +74,7 @@ def test_topics_reach_a_server_and_go_with_the_robot(nt_server: tuple[Any, str],
     verdict = server.getStringTopic("/truearc/verdict").subscribe("none")
     novelty = server.getDoubleTopic("/truearc/novelty").subscribe(-1.0)
     config = with_nt4(CONFIG, Nt4(address))
+    assert open_screens((partial(open_their_screens, CONFIG, None, False),), MonotonicClock()) is None
     screen = open_screens((partial(open_their_screens, config, GATE, False),), MonotonicClock())
     assert screen is not None
     try:
@@ -109,32 +95,31 @@ def test_topics_reach_a_server_and_go_with_the_robot(nt_server: tuple[Any, str],
 
 def test_a_server_that_is_not_there_is_said_once(monkeypatch: pytest.MonkeyPatch,
                                                  capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("truearc_frc.publisher.PATIENCE_S", 0.05)
-    table = Table()
-    table.connected = False
+    monkeypatch.setattr("truearc_frc.advice.PATIENCE_S", 0.05)
+    table = Table(connected=False)
     screen = NtPublisher(with_nt4(CONFIG, Nt4("254")), table, None, None)
     time.sleep(0.3)
     screen.close()
     assert capsys.readouterr().err.count("NetworkTables server 254: does not answer") == 1
 
 
-def test_without_a_table_there_is_no_screen() -> None:
-    assert open_screens((partial(open_their_screens, CONFIG, None, False),), MonotonicClock()) is None
+def configured(path: Path, table: str) -> Config:
+    path.write_text(f"{SHIPPED.read_text(encoding='utf-8')}\n[nt4]\n{table}\n", encoding="utf-8")
+    return load_config(path)
 
 
-@pytest.fixture
-def launcher(tmp_path: Path) -> Iterator[Path]:
-    yield tmp_path / "launcher.toml"
+CAMERA = 'server = "254"\n[nt4.vision]\nkind = "limelight"\ncamera = "limelight"\nsigma_m = 0.05'
 
 
-@pytest.mark.parametrize(("server", "wrong"), [("10.25.4.2", ""), ("254", ""), ("robot:x", "nt4.server"), ("", "nt4")])
-def test_the_server_is_checked_when_the_configuration_is_read(server: str, wrong: str, launcher: Path) -> None:
-    launcher.write_text(f'{SHIPPED.read_text(encoding="utf-8")}\n[nt4]\nserver = "{server}"\n', encoding="utf-8")
-    if not wrong:
-        assert nt4_of(load_config(launcher)) == Nt4(server)
-        return
+@pytest.mark.parametrize(("table", "wrong"), [
+    ('server = "robot:x"', "nt4.server"), ('server = ""', "nt4"), (CAMERA, "nt4.vision: needs .apriltag"),
+    (CAMERA.replace('"limelight"\ns', '"/"\ns') + "\n[apriltag]\nids = [4]\nside_m = 0.1651\ncentre_height_m = 1.35",
+     "nt4.vision.camera: is empty"),
+    (CAMERA.replace("limelight", "zed", 1), "nt4.vision.kind"), (CAMERA.replace("0.05", "0"), "nt4.vision.sigma_m")])
+def test_the_table_is_checked_when_the_configuration_is_read(table: str, wrong: str, tmp_path: Path) -> None:
+    assert nt4_of(configured(tmp_path / "launcher.toml", 'server = "10.25.4.2"')) == Nt4("10.25.4.2")
     with pytest.raises(InputError, match=wrong):
-        load_config(launcher)
+        configured(tmp_path / "launcher.toml", table)
 
 
 def test_deploy_carries_this_distribution_where_the_configuration_needs_it(

@@ -1,112 +1,86 @@
-"""WPILOG of a session: read back by WPILib's own reader, and by a strict one written here from the spec."""
+"""WPILOG of a session by WPILib's own reader, as AdvantageScope and SysId have it; layouts of dashboards."""
 
 import io
 import json
 import math
 import struct
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from wpiutil import log as wpilog
 
-from tests.frc.test_dashboards import DASHBOARDS
 from tests.robot.recording.test_convert import convert, ticks
-from truearc.robot.recording.export.tabular import TEXTS
 from truearc.robot.recording.session import load_trials
-from truearc_frc.wpilog_export import WpilogWriter, make_payload
+from truearc.robot.recording.tabular import TEXTS
+from truearc_frc.keys import OURS
+from truearc_frc.wpilog import WpilogWriter, make_payload
+
+DASHBOARDS = Path(__file__).parents[2] / "examples" / "dashboards"
+LAYOUT = DASHBOARDS / "elastic.json"
+PUBLISHED = {"p_two", "p_three", "verdict", "reasons", "novelty", "hood_deg", "wheel_rad_s", "correction", "age_s",
+             "lead_deg"}
+GETTERS = {"double": "getDouble", "int64": "getInteger", "boolean": "getBoolean", "string": "getString",
+           "json": "getString", "string[]": "getStringArray", "double[]": "getDoubleArray"}
 
 
-def read_wpilog(data):
-    """Signals, number -> (name, type, metadata), and records (number, t_us, payload)."""
-    assert data[:8] == b"WPILOG\x00\x01"
-    at = 12 + struct.unpack_from("<I", data, 8)[0]
-    signals, records = {}, []
-    while at < len(data):
-        sizes = data[at]
-        assert not sizes & 0x80
-        at += 1
-        fields = []
-        for length in ((sizes & 3) + 1, (sizes >> 2 & 3) + 1, (sizes >> 4 & 7) + 1):
-            fields.append(int.from_bytes(data[at:at + length], "little"))
-            at += length
-        number, size, t_us = fields
-        payload = data[at:at + size]
-        assert len(payload) == size
-        at += size
-        if number == 0:
-            assert payload[0] == 0
-            texts, place = [], 5
-            for _ in range(3):
-                length = struct.unpack_from("<I", payload, place)[0]
-                texts.append(payload[place + 4:place + 4 + length].decode())
-                place += 4 + length
-            assert place == len(payload)
-            signals[struct.unpack_from("<I", payload, 1)[0]] = tuple(texts)
-        else:
-            assert number in signals
-            records.append((number, t_us, payload))
-    return signals, records
+class Log(NamedTuple):
+    """signals: name -> (type, metadata); records: name -> time in us -> value; stamps: in the order of the file."""
+
+    signals: dict[str, tuple[str, str]]
+    records: dict[str, dict[int, Any]]
+    stamps: list[int]
 
 
-def test_a_wpilog_has_every_signal_when_it_changes(plain, tmp_path):
-    signals, records = read_wpilog(convert(plain, "wpilog", tmp_path / "s.wpilog").read_bytes())
-    numbers = {name: number for number, (name, _, _) in signals.items()}
-    assert signals[numbers["/estimate/hood_deg"]] == ("/estimate/hood_deg", "double", '{"unit": "deg"}')
-    assert signals[numbers["/verdict/reasons"]][1] == "string[]"
-    for name, get in (("/estimate/hood_deg", lambda tick: tick.estimate.hood_deg),
-                      ("/inputs/flywheels/1/velocity_rad_s", lambda tick: tick.inputs.flywheels[1].velocity_rad_s)):
-        held = {t_us: struct.unpack("<d", payload)[0]
-                for number, t_us, payload in records if number == numbers[name]}
-        value = None
-        for tick in ticks(plain):
-            value = held.get(tick.inputs.t_ns // 1000, value)
-            assert math.isnan(value) if get(tick) is None else value == get(tick)
-    trials = [json.loads(payload) for number, _, payload in records if number == numbers["/trial"]]
-    assert [trial["outcome"]["outcome"] for trial in trials] == [trial.outcome.outcome for trial in load_trials(plain)]
-    assert all(isinstance(t_us, int) for _, t_us, _ in records)
-    assert [t_us for _, t_us, _ in records] == sorted(t_us for _, t_us, _ in records)
-
-
-def test_wpilibs_own_reader_agrees(plain, tmp_path):
-    """The reader behind AdvantageScope's and SysId's file format."""
-    path = convert(plain, "wpilog", tmp_path / "s.wpilog")
-    signals, records = read_wpilog(path.read_bytes())
-    reader = wpilog.DataLogReader(str(path))
-    assert reader.isValid() and reader.getVersion() == 0x0100 and reader.getExtraHeader() == "truearc"
-    started, heard = {}, []
-    getters = {"double": "getDouble", "int64": "getInteger", "boolean": "getBoolean", "string": "getString",
-               "json": "getString", "string[]": "getStringArray", "double[]": "getDoubleArray"}
+def read(reader: wpilog.DataLogReader) -> Log:
+    assert reader.isValid() and reader.getVersion() == 0x0100
+    names, log = dict[int, str](), Log({}, {}, [])
     for record in reader:
         if record.isStart():
-            start = record.getStartData()
-            started[start.entry] = (start.name, start.type, start.metadata)
+            start = record.getStartData()         # good until the next record only
+            names[start.entry], log.signals[start.name] = start.name, (start.type, start.metadata)
+            log.records[start.name] = {}
             continue
-        kind = started[record.getEntry()][1]
-        value = bytes(record.getRaw()) if kind.startswith("struct") else getattr(record, getters[kind])()
-        heard.append((record.getEntry(), record.getTimestamp(), value))
-    assert started == signals and len(heard) == len(records)
-    for (number, t_us, value), (entry, stamp, payload) in zip(heard, records, strict=True):
-        assert (number, t_us) == (entry, stamp)
-        if signals[number][1] == "double":
-            assert struct.pack("<d", value) == payload
-        elif signals[number][1] == "int64":
-            assert struct.pack("<q", value) == payload
-        elif signals[number][1].startswith("struct"):
-            assert value == payload
+        name = names[record.getEntry()]
+        getter = GETTERS.get(log.signals[name][0])
+        log.records[name][record.getTimestamp()] = getattr(record, getter)() if getter else bytes(record.getRaw())
+        log.stamps.append(record.getTimestamp())
+    return log
 
 
-def test_a_wpilog_has_poses_by_their_schemas_and_when_the_robot_was_enabled(plain, tmp_path):
-    signals, records = read_wpilog(convert(plain, "wpilog", tmp_path / "s.wpilog").read_bytes())
-    numbers = {name: number for number, (name, _, _) in signals.items()}
-    schemas = {name.removeprefix("/.schema/struct:"): next(
-        payload.decode() for at, _, payload in records if at == number)
-        for name, number in numbers.items() if name.startswith("/.schema/struct:")}
-    assert all(signals[numbers[f"/.schema/struct:{name}"]][1] == "structschema" for name in schemas)
-    assert signals[numbers["/pose"]][1] == "struct:Pose2d" and signals[numbers["DS:enabled"]][1] == "boolean"
+@pytest.fixture(scope="module")
+def log(plain: Path, tmp_path_factory: pytest.TempPathFactory) -> Log:
+    path = convert(plain, "wpilog", tmp_path_factory.mktemp("wpilog") / "s.wpilog")
+    reader = wpilog.DataLogReader(str(path))
+    assert reader.getExtraHeader() == "truearc"
+    return read(reader)
 
-    def decode(kind, data):                       # by WPILib's struct schema language, as far as it is used
-        fields = {}
+
+def test_a_wpilog_has_every_signal_when_it_changes(log: Log, plain: Path) -> None:
+    assert log.signals["/estimate/hood_deg"] == ("double", '{"unit": "deg"}')
+    assert log.signals["/verdict/reasons"][0] == "string[]"
+    for name, get in (("/estimate/hood_deg", lambda tick: tick.estimate.hood_deg),
+                      ("/inputs/flywheels/1/velocity_rad_s", lambda tick: tick.inputs.flywheels[1].velocity_rad_s)):
+        value = None
+        for tick in ticks(plain):
+            value = log.records[name].get(tick.inputs.t_ns // 1000, value)
+            assert math.isnan(value) if get(tick) is None else value == get(tick)
+    trials = [json.loads(trial)["outcome"]["outcome"] for trial in log.records["/trial"].values()]
+    assert trials == [trial.outcome.outcome for trial in load_trials(plain)]
+    assert log.stamps == sorted(log.stamps)
+
+
+def test_a_wpilog_has_poses_by_their_schemas_and_when_the_robot_was_enabled(log: Log, plain: Path) -> None:
+    schemas = {name.removeprefix("/.schema/struct:"): next(iter(said.values())).decode()
+               for name, said in log.records.items() if name.startswith("/.schema/struct:")}
+    assert all(log.signals[f"/.schema/struct:{name}"][0] == "structschema" for name in schemas)
+    assert log.signals["/pose"][0] == "struct:Pose2d" and log.signals["DS:enabled"][0] == "boolean"
+
+    def decode(kind: str, data: bytes) -> tuple[dict[str, Any], bytes]:
+        """By WPILib's struct schema language, as far as it is used."""
+        fields: dict[str, Any] = {}
         for field in schemas[kind].split(";"):
             inner, name = field.split()
             if inner == "double":
@@ -115,12 +89,12 @@ def test_a_wpilog_has_poses_by_their_schemas_and_when_the_robot_was_enabled(plai
                 fields[name], data = decode(inner, data)
         return fields, data
 
-    poses = {t_us: decode("Pose2d", payload) for number, t_us, payload in records if number == numbers["/pose"]}
-    enabled = {t_us: payload for number, t_us, payload in records if number == numbers["DS:enabled"]}
+    poses = {t_us: decode("Pose2d", payload) for t_us, payload in log.records["/pose"].items()}
+    enabled = log.records["DS:enabled"]
     pose, armed = None, None
     for tick in ticks(plain):
         pose, armed = poses.get(tick.inputs.t_ns // 1000, pose), enabled.get(tick.inputs.t_ns // 1000, armed)
-        assert armed == (b"\1" if tick.memory.armed else b"\0")
+        assert armed is tick.memory.armed
         if tick.estimate.distance_m is None:
             assert pose is None
             continue
@@ -133,28 +107,40 @@ def test_a_wpilog_has_poses_by_their_schemas_and_when_the_robot_was_enabled(plai
 
 
 @given(number=st.integers(1, 400), t_us=st.integers(0, 2**63 - 1), texts=st.lists(st.text(max_size=20), max_size=4))
-def test_records_of_every_size_are_read_back(number, t_us, texts):
+def test_records_of_every_size_are_read_back(number: int, t_us: int, texts: list[str]) -> None:
     file = io.BytesIO()
-    log = WpilogWriter(file, "é")
-    numbers = [log.start(f"/s{index}", TEXTS, "", 0) for index in range(number)]
-    payload = make_payload(TEXTS, texts)
-    assert payload is not None
-    log.append(numbers[-1], t_us, payload)
-    signals, records = read_wpilog(file.getvalue())
-    assert len(signals) == number and records == [(number, t_us, payload)]
-    assert struct.unpack_from("<I", payload)[0] == len(texts)
+    writer = WpilogWriter(file, "é")
+    numbers = [writer.start(f"/s{index}", TEXTS, "", 0) for index in range(number)]
+    writer.append(numbers[-1], t_us, make_payload(TEXTS, texts))
+    found = read(wpilog.DataLogReader(file.getvalue(), "s"))
+    assert len(found.signals) == number and found.records[f"/s{number - 1}"] == {t_us: texts}
 
 
-def test_the_advantagescope_layout_shows_signals_that_are_there(plain, tmp_path):
-    out = convert(plain, "wpilog", tmp_path / "s.wpilog")
+def test_the_advantagescope_layout_shows_signals_that_are_there(log: Log) -> None:
     kinds = {"double": "Number", "int64": "Number", "boolean": "Boolean", "struct:Pose2d": "Pose2d"}
-    there = {}
-    for record in wpilog.DataLogReader(str(out)):
-        if record.isStart():
-            start = record.getStartData()         # good until the next record only
-            there[start.name] = kinds.get(start.type)
     (hub,) = json.loads((DASHBOARDS / "advantagescope.json").read_text(encoding="utf-8"))["hubs"]
     sources = [source for tab in hub["state"]["tabs"]["tabs"] if tab["controller"]
                for sources in tab["controller"].values() if isinstance(sources, list) for source in sources]
     assert len(sources) > 15
-    assert all(there[source["logKey"]] == source["logType"] for source in sources)
+    assert all(kinds[log.signals[source["logKey"]][0]] == source["logType"] for source in sources)
+
+
+# --- layouts show topics that are published
+
+def test_elastic_shows_every_topic_once_without_overlap() -> None:
+    (tab,) = json.loads(LAYOUT.read_text(encoding="utf-8"))["tabs"]
+    boxes = tab["grid_layout"]["containers"]
+    assert sorted(box["properties"]["topic"] for box in boxes) == sorted(OURS + name for name in PUBLISHED)
+    cells = [(x, y) for box in boxes for x in range(int(box["x"]), int(box["x"] + box["width"]), 128)
+             for y in range(int(box["y"]), int(box["y"] + box["height"]), 128)]
+    assert len(cells) == len(set(cells))
+
+
+def test_advantagescope_draws_every_topic_once_by_its_type() -> None:
+    layout = json.loads((DASHBOARDS / "advantagescope-live.json").read_text(encoding="utf-8"))
+    (hub,) = layout["hubs"]
+    drawn = [one for tab in hub["state"]["tabs"]["tabs"] if tab["type"] == 1             # line graphs
+             for side in ("leftSources", "rightSources", "discreteSources") for one in tab["controller"][side]]
+    assert sorted(one["logKey"] for one in drawn) == sorted(f"NT:{OURS}{name}" for name in PUBLISHED)
+    types = {"verdict": "String", "reasons": "StringArray"}
+    assert all(one["logType"] == types.get(one["logKey"].removeprefix(f"NT:{OURS}"), "Number") for one in drawn)

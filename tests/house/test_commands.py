@@ -18,15 +18,15 @@ import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import pytest
 
-from tests.house.here import ROOT, run_module
+from tests.house.test_benchmarks import ROOT, run_module
 from tests.sim.data.stranger_log import write_stranger_log
-from truearc.cli.commands import find_command, make_parser
-from truearc.cli.main import main
+from truearc.cli.main import find_command, main, make_parser
 from truearc.errors import InputError
-from truearc.sim.gate import surrogate
+from truearc.sim.gate import train
 from truearc_proof.cli import prove_roles
 from truearc_proof.rounds import solver
 
@@ -74,16 +74,14 @@ ELSEWHERE = {
     r"^truearc vision": "needs photographs, a board or a person; tests/robot/test_vision*.py run it on drawn ones",
     r"^python -m benchmarks\.(?!proof)": "test_benchmarks.py runs every benchmark",
     r"^python -m truearc_proof.world.season": "plays hundreds of worlds",
-    r"^truearc prove drive": "tests/loops/test_prove_drive.py plays a world of it",
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
     r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"
                                                                 "test_round.py solves one without its keeper",
     r"^truearc discover (examples/tracks|my_tracks)": "tests/sim/discover/test_tutorial_tracks.py asks it",
     r"^truearc (discover (mpi|drops|falls|bb|two-weeks|new-and-old)|fit (mpi|bb))":
-        "takes long; test_real.py, test_misfit.py, test_import_ball_drops.py ask it",
+        "takes long; test_real.py, test_spin_vector.py, test_import_ball_drops.py ask it",
 }
-# Exit codes that are documented: no launcher is there, six shots are too few
-EXIT = {r"^truearc doctor": 1, r"^truearc discover old --belief": 2}
+EXIT = {r"^truearc doctor": 1}        # exit codes that are documented: no launcher is there
 
 
 # commands of several pages on which nothing else depends: the first page that has one runs it
@@ -92,54 +90,30 @@ ONCE = ("truearc discover examples/spreadsheet ", "pytest ", "truearc train --re
 _done: set[str] = set()
 
 
-class Workspace:
-    """A folder in which printed commands are run: shell variables last, and `truearc` and what is readily run by
-    `python -m` are called in this process."""
+class Workspace(NamedTuple):
+    """A folder in which printed commands are run; `truearc` and what is readily run by `python -m` are called in this
+    process."""
 
-    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.folder, self._monkeypatch = folder, monkeypatch
-        self.variables: dict[str, str] = {}
-        self.fitted: set[str] = set()
+    folder: Path
+    monkeypatch: pytest.MonkeyPatch
 
     def run(self, line: str) -> None:
         """Run one printed line; AssertionError with the output where its exit code is not the documented one."""
-        loop = re.fullmatch(r"for (\w+) in ([^;]+); do (.*); done", line)
-        if loop is not None:
-            for value in loop[2].split():
-                self.run(loop[3].replace(f"${loop[1]}", value))
-            return
         for part in _parts(line):
-            if assigned := re.fullmatch(r"([A-Z]+)=(\S+)", part):
-                self.variables[assigned[1]] = assigned[2]
-            elif part.startswith("truearc ") and part not in self.fitted:
-                self._call(part)
+            wanted = next((code for pattern, code in EXIT.items() if re.search(pattern, part)), 0)
+            if part.startswith("truearc "):
+                said = io.StringIO()
+                with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+                    code, err = main(_words(part)[1:]), said.getvalue()
             elif re.fullmatch(r"python -m [\w.]+[^<>|$()]*", part):
-                self._module(part)
+                with self.monkeypatch.context() as patch:
+                    code, _, err = run_module(_words(part)[2], _words(part)[3:], patch)
             else:
-                self._shell(part)
-
-    def _call(self, command: str) -> None:
-        for name, value in self.variables.items():
-            command = command.replace(f"${name}", value)
-        words = _words(command)[1:]
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            code = main(words)
-        if words[0] == "fit":
-            self.fitted.add(command)  # the loop over datasets on docs/measured/real-data.md fits two a second time
-        wanted = next((code for pattern, code in EXIT.items() if re.search(pattern, command)), 0)
-        assert code == wanted, f"{command}: exit code {code}\n{said.getvalue()[-1500:]}"
-
-    def _module(self, command: str) -> None:
-        with self._monkeypatch.context() as patch:
-            code, _, err = run_module(_words(command)[2], _words(command)[3:], patch)
-        assert code == 0, f"{command}: exit code {code}\n{err[-1500:]}"
-
-    def _shell(self, command: str) -> None:
-        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        done = subprocess.run(["bash", "-c", command], cwd=self.folder, capture_output=True, text=True, check=False,
-                              env={**os.environ, **self.variables, "PATH": path, "PYTHONPATH": str(ROOT)})
-        assert done.returncode == 0, f"{command}: exit code {done.returncode}\n{done.stderr[-1500:]}"
+                path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+                done = subprocess.run(["bash", "-c", part], cwd=self.folder, capture_output=True, text=True,
+                                      env={**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)})
+                code, err = done.returncode, done.stderr
+            assert code == wanted, f"{part}: exit code {code}\n{err[-1500:]}"
 
 
 def run_here(argv: list[str], check: bool) -> subprocess.CompletedProcess[str]:
@@ -205,7 +179,8 @@ def check_options(command: str) -> None:
     elif words[:2] == ["python", "-m"] and words[2].startswith("benchmarks."):
         paths = [ROOT / f"{words[2].replace('.', '/')}.py", ROOT / "benchmarks" / "worlds.py"]
         said = "".join(path.read_text(encoding="utf-8") for path in paths)
-        assert {option for option in options if f'"{option}"' not in said} <= {"-m"}, command
+        assert {option for option in options if f'"{option}"' not in said
+                and not re.search(rf"\b{option[2:]}=", said)} <= {"-m"}, command      # of benchmarks.options: a keyword
 
 
 def is_fragment(command: str) -> bool:
@@ -273,8 +248,8 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
     (folder / "data").mkdir()
     monkeypatch.chdir(folder)
     monkeypatch.setattr(solver, "forbid", lambda directory: None)
-    monkeypatch.setattr(surrogate, "CHECKED", 3000)       # tests/model_export has a gate's graph as it is
-    monkeypatch.setattr(surrogate, "LEARNED", 2000)
+    monkeypatch.setattr(train, "CHECKED", 3000)       # tests/model_export has a gate's graph as it is
+    monkeypatch.setattr(train, "LEARNED", 2000)
     monkeypatch.setattr(prove_roles, "subprocess", SimpleNamespace(run=run_here))
     return Workspace(folder, monkeypatch)
 

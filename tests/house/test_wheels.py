@@ -1,10 +1,12 @@
 """What ships: all that git tracks, imports in one direction, and commands that work outside the checkout."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -76,6 +78,15 @@ def test_source_distribution_holds_what_git_tracks(tmp_path: Path) -> None:
     with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as archive:
         held = {name.partition("/")[2] for name in archive.getnames()}
     assert {name for name in names - held if not name.startswith(".")} == set()
+
+
+def test_version_is_the_same_everywhere() -> None:
+    text = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("CITATION.cff", "CHANGELOG.md", "README.md")}
+    (version,) = {tomllib.loads((ROOT / name / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+                  for name in (".", "proof", "frc")}
+    released = re.search(r"^date-released: (\S+)$", text["CITATION.cff"], re.MULTILINE)
+    assert released is not None and f"## {version} - {released[1]}" in text["CHANGELOG.md"]
+    assert f"\nversion: {version}\n" in text["CITATION.cff"] and f"Version {version}." in text["README.md"]
 
 
 def test_import_directions(site: Path) -> None:

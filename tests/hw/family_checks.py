@@ -11,18 +11,7 @@ from tests.hw.spinning_plant import SpinningPlant
 from truearc.hw import fault_codes
 from truearc.hw.bus_rules import AllowList, kind_of
 from truearc.hw.codec import Codec, read_codec
-from truearc.hw.devices.family import (
-    FAILURE,
-    OK,
-    WARNING,
-    AttachedMotor,
-    Axis,
-    AxisCheck,
-    Bounds,
-    Heard,
-    MotorFamily,
-    driver_of,
-)
+from truearc.hw.devices import family as devices
 from truearc.hw.protocols import BadFrame, Frame, MotorReading
 from truearc.hw.reason import render
 from truearc.robot.config.schema import read_axis
@@ -30,8 +19,8 @@ from truearc.robot.config.schema import read_axis
 MS = 1_000_000
 START_NS = 1000 * MS
 TICK_MS, EACH_TICK = 5, 31            # a tick at 200 Hz, and what truearc.robot.motors makes of that
-CHECK = AxisCheck("hood motor", 200, None)
-Family = MotorFamily[Any]
+CHECK = devices.AxisCheck("hood motor", 200, None)
+Family = devices.MotorFamily[Any]
 
 
 class Loop:
@@ -39,8 +28,8 @@ class Loop:
 
     def __init__(self, family: Family) -> None:
         self.plant = SpinningPlant()
-        self.motor, = family.make_motors([family.example], [Bounds()])
-        attached = AttachedMotor("hood", self.plant, 0.02, 0.1, 100, self.plant.hood_at_limit)
+        self.motor, = family.make_motors([family.example], [devices.Bounds()])
+        attached = devices.AttachedMotor("hood", self.plant, 0.02, 0.1, 100, self.plant.hood_at_limit)
         self.node = family.make_node(family.example, attached)
         self.rules = family.make_rules(family.example, EACH_TICK)
         self.allow_list = AllowList(self.rules.allowed)
@@ -77,12 +66,12 @@ def check_table(family: Family) -> None:
     """Its table in launcher.toml: the driver is the tag, the example is read as it is written, and typos are none."""
     table = msgspec.to_builtins(family.example)
     config = family.axis.__struct_config__
-    assert family.driver == driver_of(family.example) == table["driver"]
+    assert family.driver == devices.driver_of(family.example) == table["driver"]
     assert (config.tag_field, config.frozen, config.forbid_unknown_fields) == ("driver", True, True)
-    assert read_axis(Axis, table) == family.example and isinstance(family.example, family.axis)
+    assert read_axis(devices.Axis, table) == family.example and isinstance(family.example, family.axis)
     for wrong in ({**table, "typo": 1}, *({key: table[key] for key in table if key != gone} for gone in table)):
         with pytest.raises((ValueError, msgspec.ValidationError)):
-            read_axis(Axis, wrong)
+            read_axis(devices.Axis, wrong)
 
 
 def check_frames(codec: Codec) -> None:
@@ -171,13 +160,14 @@ def check_doctor(family: Family) -> None:
         loop.send(frame)
     assert bool(loop.heard) == family.is_commanded             # they are answered at once
     loop.run(1000, None, silent=True)                          # the doctor listens alone
-    well = list(family.examine(family.example, CHECK, Heard(tuple(loop.heard), 1.0)))
-    silent = list(family.examine(family.example, CHECK, Heard((), 1.0)))
-    assert well and not [finding for finding in well if finding.level == FAILURE]
-    assert [finding for finding in silent if finding.level == FAILURE]
+    well = list(family.examine(family.example, CHECK, devices.Heard(tuple(loop.heard), 1.0)))
+    silent = list(family.examine(family.example, CHECK, devices.Heard((), 1.0)))
+    assert well and not [finding for finding in well if finding.level == devices.FAILURE]
+    assert [finding for finding in silent if finding.level == devices.FAILURE]
     for finding in (*well, *silent):
-        assert finding.check.startswith(CHECK.name) and finding.says and finding.level in (OK, WARNING, FAILURE)
-        assert bool(finding.do) == (finding.level != OK)
+        assert finding.check.startswith(CHECK.name) and finding.says
+        assert finding.level in (devices.OK, devices.WARNING, devices.FAILURE)
+        assert bool(finding.do) == (finding.level != devices.OK)
 
 
 def check_restart(family: Family) -> None:

@@ -1,14 +1,13 @@
-"""Whether the machine that runs a test in real time is fast enough for it, so that its slowness is no defect of ours.
+"""Whether the machine that runs a test in real time is fast enough for it: its slowness is no defect of ours.
 
-`measure_bus` asks a bus whether it carries frames at the robot's rate; `excuse_stalls` turns the failure of a test into
-a skip that says so where the machine itself stood still meanwhile.
+`why_too_slow` asks a bus whether it carries frames at the robot's rate; `excuse_stalls` turns the failure of a test
+into a skip that says so where the machine itself stood still meanwhile.
 """
 
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import pytest
 
@@ -21,29 +20,8 @@ STALL_S = 0.25                        # asleep for this long beyond what was ask
 NAP_S = 0.005
 
 
-@dataclass(frozen=True)
-class BusSpeed:
-    """Frames that were to be sent, sent in time, and received, and the longest time one of them took in s."""
-
-    wanted: int
-    sent: int
-    received: int
-    slowest_s: float
-
-    @property
-    def too_slow(self) -> str:
-        """Why the bus cannot carry a robot's frames; "" where it can."""
-        if self.sent < self.wanted:
-            return f"host too slow: it sent {self.sent} of {self.wanted} frames at {RATE_HZ:g} per second"
-        if self.received < self.sent:
-            return f"host too slow: {self.sent - self.received} of {self.sent} frames at {RATE_HZ:g} per second lost"
-        if self.slowest_s > LATEST_S:
-            return f"host too slow: a frame took {self.slowest_s:.3f} s from one end of the bus to the other"
-        return ""
-
-
-def measure_bus(near: Bus, far: Bus, seconds: float = 0.5, wait_s: float = 1.0) -> BusSpeed:
-    """Send numbered frames at the robot's rate and time each; one not there `wait_s` after the last counts as lost.
+def why_too_slow(near: Bus, far: Bus, seconds: float = 0.5, wait_s: float = 1.0) -> str:
+    """Why the bus cannot carry a robot's frames; "" where it can. A frame not there `wait_s` after the last is lost.
 
     A host that stalls sends the frames due meanwhile in batches: all at once they would not fit into the queue of the
     other end, which nobody reads meanwhile, and a late frame would pass for a lost one.
@@ -61,7 +39,11 @@ def measure_bus(near: Bus, far: Bus, seconds: float = 0.5, wait_s: float = 1.0) 
             slowest_s = max(slowest_s, time.monotonic() - sent_at[int.from_bytes(frame.data, "little")])
             received += 1
         time.sleep(0.0005)
-    return BusSpeed(count, len(sent_at), received, slowest_s)
+    if len(sent_at) < count:
+        return f"host too slow: it sent {len(sent_at)} of {count} frames at {RATE_HZ:g} per second"
+    if received < count:
+        return f"host too slow: {count - received} of {count} frames at {RATE_HZ:g} per second lost"
+    return f"host too slow: a frame took {slowest_s:.3f} s to the other end" if slowest_s > LATEST_S else ""
 
 
 class _Watch(threading.Thread):

@@ -1,8 +1,11 @@
 """A tiny world for the emulated devices: frictionless rotors, whose motion under constant torque is a closed form."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from typing import Any
 
 import numpy as np
+import pytest
 
 from truearc.hw.emulated.nodes import MotorTruth, View
 
@@ -51,3 +54,16 @@ class SpinningPlant:
 
     def view(self) -> View:
         return View(np.eye(4), 1.0, 1.0)
+
+
+def closed_after(build: Callable[..., Any], *given: str) -> Any:
+    """A fixture that is `build`, with these fixtures as its first arguments; what it has built is closed at the end."""
+    @pytest.fixture
+    def make(request: pytest.FixtureRequest) -> Iterator[Callable[..., Any]]:
+        with ExitStack() as stack:
+            def built(*args: Any, **how: Any) -> Any:
+                one = build(*map(request.getfixturevalue, given), *args, **how)
+                stack.callback(one.close)
+                return one
+            yield built
+    return make

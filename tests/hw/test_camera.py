@@ -1,236 +1,24 @@
-"""The emulated camera against OpenCV's own projection and polygon filling; one that repeats its image is lost."""
+"""The emulated camera: a target out of sight; its pictures are seen by tests/robot."""
 
-import threading
-from itertools import pairwise
-
-import cv2
 import numpy as np
 import pytest
 
-from tests.hw.conftest import SetClock
-from truearc.hw.emulated.camera import TAPE_BGR, Lens, TapeSize, distort, outline_m
+from truearc.hw.emulated.camera import Lens, Stage, TapeSize
 from truearc.hw.emulated.nodes import View
-from truearc.hw.protocols import LinkLost
-from truearc.hw.real.camera import SILENT_NS, CameraThread
 from truearc_proof.world.camera_damage import Look, StagedCamera
 
 TAPE = TapeSize(0.99695, 0.49885, 0.4318, 0.0508)
 PINHOLE = Lens(640, 480, 699.4, 690.0, 325.0, 236.0)
-WIDE = Lens(640, 480, 500.0, 505.0, 330.0, 230.0, (-0.25, 0.08, 0.001, -0.0015, -0.01))
-FRAME_NS = 50_000_000
 
 
-class Still:
-    """A plant of which the camera sees one thing."""
-
-    def __init__(self, view: View) -> None:
-        self.now = view
-
-    def view(self) -> View:
-        return self.now
-
-
-def make_view(rvec, tvec_m, focal_scale: float = 1.0, brightness: float = 1.0) -> View:
-    """The tape at `tvec_m` (camera axes), turned by `rvec` from facing the camera squarely."""
-    facing = np.diag([1.0, -1.0, -1.0])               # target y up and z to the viewer; camera y down and z ahead
-    pose = np.eye(4)
-    pose[:3, :3] = cv2.Rodrigues(np.array(rvec, dtype=float))[0] @ facing
+def camera_at(tvec_m) -> StagedCamera:
+    """Before the tape at `tvec_m` (camera axes), squarely facing it."""
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])            # target y up and z to the viewer; camera y down and z ahead
     pose[:3, 3] = tvec_m
-    return View(pose, focal_scale, brightness)
-
-
-def project_by_opencv(points_m, view: View, lens: Lens):
-    matrix = np.array([[lens.fx_px * view.focal_scale, 0, lens.cx_px], [0, lens.fy_px * view.focal_scale, lens.cy_px],
-                       [0, 0, 1]])
-    rvec, _ = cv2.Rodrigues(view.camera_from_target[:3, :3])
-    seen, _ = cv2.projectPoints(points_m, rvec, view.camera_from_target[:3, 3], matrix, np.array(lens.distortion))
-    return seen.reshape(-1, 2)
-
-
-def picture(view: View, lens: Lens = PINHOLE, seed: int = 1, shake_px: float = 0.0):
-    camera = StagedCamera(Still(view), lens, TAPE, 20.0, 0.0, seed, look=Look(shake_px=shake_px))
-    camera.step(0)
-    frame = camera.read()
-    assert frame is not None
-    return frame.image
-
-
-def test_outline_is_half_a_regular_hexagon_of_two_inch_tape():
-    outline = outline_m(TAPE)
-    outer, inner = outline[:4], outline[4:]
-    assert outer[0] == pytest.approx([0.249425, -0.2159, 0.0]) and outer[3] == pytest.approx([0.498475, 0.2159, 0.0])
-    assert np.linalg.norm(outer[3] - outer[0]) == pytest.approx(TAPE.bottom_width_m, rel=2e-3)      # equal sides
-    for a, b in ((0, 1), (1, 2), (3, 0)):                                                           # tape of one width
-        along = (outer[b] - outer[a]) / np.linalg.norm(outer[b] - outer[a])
-        for corner in (inner[a], inner[b]):
-            assert np.linalg.norm(np.cross(along, corner - outer[a])) == pytest.approx(0.0508, abs=1e-9)
-    assert inner[2][1] == inner[3][1] == outer[2][1]                                                # cut level on top
-
-
-@pytest.mark.parametrize("lens", [PINHOLE, WIDE])
-def test_distortion_is_opencv_s(lens):
-    points = np.random.default_rng(1).uniform((-1, -0.8, 1), (1, 0.8, 1), (200, 3))
-    view = View(np.eye(4), 1.0, 1.0)
-    flat = Lens(lens.width_px, lens.height_px, lens.fx_px, lens.fy_px, lens.cx_px, lens.cy_px)
-    assert distort(project_by_opencv(points, view, flat), lens) == pytest.approx(
-        project_by_opencv(points, view, lens), abs=1e-9)
-
-
-@pytest.mark.parametrize(("lens", "rvec", "tvec_m", "focal_scale"), [
-    (PINHOLE, (0.4, 0.0, 0.0), (0.1, -0.2, 3.0), 1.0),
-    (PINHOLE, (0.3, 0.5, 0.05), (-0.8, 0.4, 5.0), 1.04),
-    (PINHOLE, (0.2, -0.5, 0.0), (0.5, 0.3, 8.5), 1.0),
-    (WIDE, (0.3, 0.3, -0.1), (0.9, -0.7, 2.6), 1.0),
-])
-def test_picture_is_the_projected_tape(lens, rvec, tvec_m, focal_scale):
-    """Centroid, spread and pixels of the tape agree with a polygon filled at sixteen times the resolution."""
-    view = make_view(rvec, tvec_m, focal_scale)
-    fine = 16
-    sides = outline_m(TAPE)[[0, 1, 2, 6, 5, 4, 7, 3, 0]]
-    dense = np.vstack([np.linspace(a, b, 60, endpoint=False) for a, b in pairwise(sides)])
-    seen = project_by_opencv(dense, view, lens)
-    x0, y0 = np.floor(seen.min(axis=0)).astype(int) - 14
-    x1, y1 = np.ceil(seen.max(axis=0)).astype(int) + 14
-    canvas = np.zeros(((y1 - y0) * fine, (x1 - x0) * fine), np.uint8)
-    cv2.fillPoly(canvas, [np.rint((seen - (x0, y0) + 0.5) * fine - 0.5).astype(np.int32)], 255)
-    wanted = cv2.resize(canvas, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA).astype(float) / 255
-    camera = StagedCamera(Still(view), lens, TAPE, 20.0, 0.0, 1, look=Look(shake_px=0.0))
-    pictures = []
-    for k in range(7):
-        camera.step(k * FRAME_NS)
-        frame = camera.read()
-        assert frame is not None
-        pictures.append(frame.image[y0:y1, x0:x1, 1])
-    green = np.median(pictures, axis=0)                                  # without glints and noise
-    green = (green - np.median(green)) / TAPE_BGR[1]
-    near = cv2.dilate(wanted, np.ones((5, 5))) > 0
-    got = np.where(near, green, 0.0)
-    lit = wanted * np.linspace(1.0, 0.9, x1 - x0)                                         # the ring light's unevenness
-    expected = np.where(near, cv2.GaussianBlur(lit, (0, 0), 0.6) + 0.1 * cv2.GaussianBlur(lit, (0, 0), 6.0), 0.0)
-    for axis in np.mgrid[y0:y1, x0:x1]:
-        centre_px, expected_px = (np.average(axis, weights=part) for part in (got, expected))
-        assert centre_px == pytest.approx(expected_px, abs=0.2)
-        spread_px, expected_spread_px = (np.sqrt(np.average((axis - expected_px) ** 2, weights=part))
-                                         for part in (got, expected))
-        assert spread_px == pytest.approx(expected_spread_px, abs=0.15)
-    assert np.abs(got / got.max() - expected / expected.max())[near].mean() < 0.04
-    assert np.corrcoef(got.ravel(), expected.ravel())[0, 1] > 0.995
-
-
-def test_deterministic_by_seed():
-    view = make_view((0.3, 0.1, 0.0), (0.0, 0.0, 4.0))
-    one, same, other = (picture(view, seed=seed, shake_px=0.3) for seed in (5, 5, 6))
-    assert np.array_equal(one, same) and not np.array_equal(one, other)
-
-
-def test_brightness_dims_and_saturates():
-    views = [make_view((0, 0, 0), (0, 0, 2.0), brightness=brightness) for brightness in (0.3, 1.0, 3.0)]
-    levels = [picture(view)[300:318, 300:340, 1].max() for view in views]
-    assert levels[0] < 100 < levels[1] < 255 == levels[2]
-
-
-def test_halo_surrounds_the_tape_and_fades():
-    view = make_view((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))
-    image = picture(view)[..., 1].astype(float)
-    low = project_by_opencv(outline_m(TAPE)[:2], view, PINHOLE)[:, 1].mean()
-    columns = slice(290, 360)
-    near, far = (image[int(low) + k:int(low) + k + 3, columns].mean() for k in (3, 30))
-    assert near > far + 3.0
+    return StagedCamera(Stage(View(pose, 1.0, 1.0)), PINHOLE, TAPE, 1, look=Look(shake_px=0.0))
 
 
 @pytest.mark.parametrize("tvec_m", [(0.0, 0.0, -4.0), (9.0, 0.0, 3.0), (0.0, 0.0, 0.1), (0.0, 0.0, 1e9)])
 def test_a_target_out_of_sight_is_not_drawn(tvec_m):
-    without = picture(make_view((0, 0, 0), (0.0, 0.0, -4.0)))
-    image = picture(make_view((0, 0, 0), tvec_m))
+    without, image = (camera_at(at).expose(0).image for at in ((0.0, 0.0, -4.0), tvec_m))
     assert image.shape == without.shape and np.mean(image != without) < 0.02
-
-
-def test_rate_latency_and_newest_only():
-    camera = StagedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.03, 1)
-    stamps, ages = [], []
-    for t_ns in range(10**9, 2 * 10**9, 5_000_000):
-        camera.step(t_ns)
-        frame = camera.read()
-        if frame is not None:
-            stamps.append(frame.t_ns)
-            ages.append(t_ns - frame.t_ns)
-    assert np.all(np.diff(stamps) == FRAME_NS) and len(stamps) == 20 and set(ages) == {30_000_000}
-    for t_ns in range(2 * 10**9, 2 * 10**9 + 400_000_000, 5_000_000):
-        camera.step(t_ns)
-    newest = camera.read()
-    assert newest is not None and newest.t_ns == 2 * 10**9 + 350_000_000 and camera.read() is None
-
-
-def test_late_steps_do_not_make_up_for_missed_frames():
-    camera = StagedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.0, 1)
-    got = 0
-    for t_ns in (0, 1_000_000_000, 1_010_000_000, 1_050_000_000):
-        camera.step(t_ns)
-        got += camera.read() is not None
-    assert got == 3
-
-
-def test_freeze_and_black():
-    camera = StagedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.0, 1)
-    camera.freeze()
-    camera.step(0)
-    assert camera.read() is None
-    camera.freeze(False)
-    camera.black()
-    camera.step(FRAME_NS)
-    frame = camera.read()
-    assert frame is not None and frame.image.max() < 30
-    camera.black(False)
-    camera.step(2 * FRAME_NS)
-    frame = camera.read()
-    assert frame is not None and frame.image.max() > 200
-
-
-class Capture:
-    """As much of cv2.VideoCapture as is read; gives the next of `images` when asked to, the last one for ever."""
-
-    def __init__(self, *images: int) -> None:
-        self.images, self.go, self.taken = list(images), threading.Semaphore(0), threading.Semaphore(0)
-        self.over = False
-
-    def read(self):
-        if self.taken_before:
-            self.taken.release()                          # whoever asks again is done with the one before
-        self.taken_before = True
-        self.go.acquire()
-        if self.over:
-            return False, None
-        return True, np.full((8, 8, 3), self.images.pop(0) if len(self.images) > 1 else self.images[0], np.uint8)
-
-    taken_before = False
-
-    def next(self) -> None:
-        self.go.release()
-        assert self.taken.acquire(timeout=20.0)
-
-    def get(self, number: int) -> float:
-        return 0.0
-
-    def release(self) -> None: ...
-
-
-def test_an_image_that_comes_again_is_none_and_a_camera_that_gives_no_other_is_lost() -> None:
-    clock, capture = SetClock(), Capture(10, 20, 20)
-    camera = CameraThread(capture, clock, "still")
-    for _ in range(2):
-        capture.next()
-        assert camera.read() is not None
-    for _ in range(5):
-        clock.t_ns += SILENT_NS // 6
-        capture.next()
-        assert camera.read() is None
-    clock.t_ns += SILENT_NS
-    with pytest.raises(LinkLost, match="camera still: repeats the same frame"):
-        camera.read()
-    capture.images = [30]
-    capture.next()
-    assert camera.read() is not None
-    capture.over = True
-    for _ in range(20):
-        capture.go.release()
-    camera.close()

@@ -20,10 +20,11 @@ def frame(frame_id: int, data: bytes, t_ns: int = 7) -> Frame:
     return Frame(t_ns, frame_id, data, is_extended=True)
 
 
-def test_the_known_position_frame() -> None:
+def test_the_known_position_frame_and_a_status_alone() -> None:
     # relative 1.5 turns, magnet in range, absolute a quarter turn
     reading = canandmag.parse(ENCODER, frame(POSITION_ID, bytes.fromhex("006000000040")), None)
     assert reading == AngleReading(7, math.pi / 2, True, faults_t_ns=0)
+    assert canandmag.parse(ENCODER, frame(STATUS_ID, bytes(8)), None) is None
 
 
 @given(counts=st.integers(0, 16383), status=st.integers(0, 3), relative=st.integers(-(1 << 31), (1 << 31) - 1))
@@ -45,10 +46,6 @@ def test_a_fault_that_spoils_the_angle_outlasts_the_next_angle() -> None:
     reading = canandmag.parse(ENCODER, frame(STATUS_ID, bytes([0x04, 4, 25, 0, 0, 0, 0, 0]), 8), reading)
     reading = canandmag.parse(ENCODER, frame(POSITION_ID, good, 9), reading)
     assert reading == AngleReading(9, math.pi / 2, True, faults=0x04, faults_t_ns=8)
-
-
-def test_status_alone_is_no_angle() -> None:
-    assert canandmag.parse(ENCODER, frame(STATUS_ID, bytes(8)), None) is None
 
 
 @pytest.mark.parametrize("data", [b"", bytes(5), bytes(7)])

@@ -1,4 +1,4 @@
-"""Speeds that contradict positions are named, whatever healthy motors and busy wires do; torque to duty and back."""
+"""Speeds that contradict positions are named, whatever healthy motors do; torque to duty; motors only heard."""
 
 import math
 import struct
@@ -13,7 +13,7 @@ from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.family import OdriveMotor
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
-from truearc.hw.fault_codes import BY_NAME, ENCODER_MISMATCH
+from truearc.hw.fault_codes import BY_NAME, ENCODER_MISMATCH, ENCODER_STUCK
 from truearc.hw.protocols import Frame, MotorReading
 from truearc.hw.reason import render
 
@@ -209,9 +209,6 @@ def test_the_ends_of_the_data_sheet() -> None:
     assert torque_of(MOTOR, 1.0, 594.0, 12.0) == pytest.approx(0.0)     # free
     assert torque_of(MOTOR, 0.5, 0.0, 12.0) == pytest.approx(1.3)
     assert duty_for(MOTOR, 0.0, 297.0, 12.0) == pytest.approx(0.5)      # coasting: only the back-EMF is met
-
-
-def test_a_flat_battery_needs_more_duty() -> None:
     assert duty_for(MOTOR, 0.65, 0.0, 6.0) == pytest.approx(2.0 * duty_for(MOTOR, 0.65, 0.0, 12.0))
 
 
@@ -223,3 +220,47 @@ def test_the_torque_is_met_or_the_duty_is_at_its_end(torque: float, speed: float
         assert got == pytest.approx(torque, abs=1e-12)
     else:
         assert abs(duty) == 1.0 and (torque - got) * duty >= -1e-12    # as much as there is, and never too much
+
+
+THEIRS = spark.SparkAxis(7, 1, has_endstop=True)
+
+
+def heard() -> HeardMotor:
+    return HeardMotor("its controller", spark.frame_ids(THEIRS), True, partial(spark.parse, THEIRS))
+
+
+@given(ticks=st.lists(st.tuples(st.one_of(st.none(), st.floats(-10.0, 10.0)), st.binary(min_size=8, max_size=8))))
+def test_nothing_that_is_asked_or_heard_makes_it_send(ticks) -> None:
+    motor = heard()
+    for number, (torque_nm, data) in enumerate(ticks):
+        motor.take(Frame(number, 0x0205B847, data, True))
+        order = motor.order(torque_nm, number * 5_000_000)
+        assert order.frames == () and order.torque_nm == 0.0 and order.duty is None
+    assert motor.release() == () and motor.faults(0) == ()
+
+
+def test_a_speed_without_a_change_of_position_is_a_stuck_encoder() -> None:
+    motor = heard()
+    for number in range(1, 7):
+        assert motor.faults(0) == ()
+        motor.take(Frame(number * 10_000_000, 0x0205B887, struct.pack("<ff", 1200.0, 5.0), True))
+    (fault,) = motor.faults(0)
+    assert fault.code == ENCODER_STUCK.name and fault.params["controller"] == "its controller"
+    assert fault.params["speed_rad_s"] == pytest.approx(125.7, abs=0.1)
+    motor.take(Frame(90_000_000, 0x0205B887, struct.pack("<ff", 1200.0, 5.2), True))
+    assert motor.faults(0) == ()
+
+
+def test_it_hears_what_its_family_says() -> None:
+    motor = heard()
+    assert motor.ids() == ((0x0205B807, True), (0x0205B847, True), (0x0205B887, True))
+    motor.take(Frame(9, 0x0205B807, bytes.fromhex("5D3F662622230200"), True))
+    assert motor.reading.heartbeat_t_ns == 9 and motor.reading.endstop
+    assert motor.reading.errors_t_ns == 0         # it has said nothing of them, and that is asked
+    motor.take(Frame(10, 0x0205B847, bytes(8), True))
+    motor.take(Frame(11, 0x0205B807, bytes.fromhex("5D3F662622230200"), True))
+    assert (motor.reading.heartbeat_t_ns, motor.reading.errors_t_ns) == (11, 10)
+    theirs = odrive.OdriveAxis(2, 1)
+    other = HeardMotor("its controller", odrive.frame_ids(theirs), False, partial(odrive.parse, theirs))
+    other.take(Frame(9, 0x41, bytes([0, 0, 0, 0, 8, 0, 0, 0])))
+    assert other.reading.axis_state == odrive.CLOSED_LOOP

@@ -1,4 +1,4 @@
-"""ODrive frames against the public facts, and against somebody else's DBC file."""
+"""ODrive frames against the public facts and somebody else's DBC file; its driver lets go whatever readings say."""
 
 import math
 import struct
@@ -12,6 +12,7 @@ from tests.hw.dbc_facts import is_float, length, limits
 from truearc.hw import fault_codes as hw
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.odrive.family import OdriveMotor
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.protocols import BadFrame, Frame, MotorReading
 
@@ -63,21 +64,27 @@ def test_each_group_has_its_own_stamp_and_leaves_the_others_alone() -> None:
     assert odrive.errors_of(reading.axis_error) == (hw.ERROR_WATCHDOG_EXPIRED(),)
 
 
-def test_a_limit_switch_answer_may_be_one_byte_and_is_only_ours() -> None:
+def test_answers_and_foreign_frames() -> None:
     axis, closed = OdriveAxis(2, 1, 596), MotorReading(endstop_t_ns=1, endstop=True)
     assert not odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x54, 0x02, 0, 0])), closed).endstop
     assert odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x55, 0x02, 0, 0])), closed) == closed
     with pytest.raises(BadFrame, match="limit switch"):
         odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x54, 0x02, 0, 2])), closed)
-
-
-def test_errors_come_from_the_error_frame_too() -> None:
     axis = OdriveAxis(2, 1)
     reading = odrive.parse(axis, frame(axis, 0x03, struct.pack("<II", 0x200, 0x02000000)), MotorReading())
     assert odrive.errors_of(reading.axis_error) == (hw.ERROR_DC_BUS_UNDER_VOLTAGE(),
                                                      hw.ERROR_ESTOP_REQUESTED())
     assert odrive.errors_of(0x80000000) == (hw.ERROR_BITS(bits=0x80000000),)
     assert odrive.errors_of(0) == ()
+    axis = OdriveAxis(2, 1)
+    version = odrive.parse_version(axis, frame(axis, 0x00, bytes([2, 5, 2, 0, 0, 6, 10, 0])))
+    assert version == (0, 6, 10)
+    with pytest.raises(BadFrame):
+        odrive.parse_version(axis, frame(axis, 0x01, bytes(8)))
+    axis, reading = OdriveAxis(2, 1), MotorReading(t_ns=3)
+    with pytest.raises(BadFrame, match="0x069"):
+        odrive.parse(axis, Frame(1, 0x69, bytes(8)), reading)
+    assert odrive.parse(axis, Frame(1, 0x49, b"", is_remote=True), reading) == reading
 
 
 @pytest.mark.parametrize("data", [b"", bytes(7), bytes(9), struct.pack("<ff", math.nan, 0.0),
@@ -88,21 +95,6 @@ def test_malformed_encoder_frames_are_refused_by_name(data: bytes) -> None:
         odrive.parse(axis, frame(axis, 0x09, data), MotorReading())
     assert refused.value.reason.code == ("frame_length" if len(data) != 8 else "frame_value")
     assert refused.value.reason.params["bytes"] == len(data)
-
-
-def test_foreign_frames_are_refused_and_questions_ignored() -> None:
-    axis, reading = OdriveAxis(2, 1), MotorReading(t_ns=3)
-    with pytest.raises(BadFrame, match="0x069"):
-        odrive.parse(axis, Frame(1, 0x69, bytes(8)), reading)
-    assert odrive.parse(axis, Frame(1, 0x49, b"", is_remote=True), reading) == reading
-
-
-def test_version() -> None:
-    axis = OdriveAxis(2, 1)
-    version = odrive.parse_version(axis, frame(axis, 0x00, bytes([2, 5, 2, 0, 0, 6, 10, 0])))
-    assert version == (0, 6, 10)
-    with pytest.raises(BadFrame):
-        odrive.parse_version(axis, frame(axis, 0x01, bytes(8)))
 
 
 # Ours -> theirs (0.6.10), signal by signal
@@ -170,3 +162,66 @@ def test_what_the_driver_sends_reads_there_as_meant(theirs, axis: OdriveAxis, to
     assert read(odrive.make_state(axis, odrive.CLOSED_LOOP)) == {"Axis_Requested_State": 8}
     assert read(odrive.make_controller_mode(axis, odrive.TORQUE, odrive.PASSTHROUGH)) == {
         "Control_Mode": 1, "Input_Mode": 1}
+
+
+MS = 1_000_000
+
+
+# --- letting go
+
+AXIS = OdriveAxis(1, 1)
+LIMITS = odrive.make_limits(AXIS, 683.1, 66.0)
+GO = [odrive.make_controller_mode(AXIS, odrive.TORQUE, odrive.PASSTHROUGH), LIMITS,
+      odrive.make_state(AXIS, odrive.CLOSED_LOOP)]
+LET_GO = [odrive.make_torque(AXIS, 0.0), odrive.make_state(AXIS, odrive.IDLE)]
+
+
+def says(motor: OdriveMotor, t_ns: int, state: int, error: int = 0) -> None:
+    motor.take(Frame(t_ns, 0x21, struct.pack("<IBBBB", error, state, 0, 0, 0)))
+
+
+def order(motor: OdriveMotor, t_ns: int, torque_nm: float | None) -> list[Frame]:
+    """What it sends in one tick, but for its question."""
+    motor.faults(t_ns)
+    return [frame for frame in motor.order(torque_nm, t_ns).frames if not frame.is_remote]
+
+
+@pytest.fixture
+def driven() -> OdriveMotor:
+    """At 1 s, after 0.1 s of torque."""
+    motor = OdriveMotor(AXIS, LIMITS)
+    order(motor, 1, None)
+    motor.take(Frame(1, 0x20, bytes(8)))
+    assert order(motor, 900 * MS, 0.2) == [odrive.make_clear_errors(AXIS), *GO, odrive.make_torque(AXIS, 0.2)]
+    says(motor, 901 * MS, odrive.CLOSED_LOOP)
+    for t_ns in range(905 * MS, 1000 * MS, 5 * MS):
+        assert set(order(motor, t_ns, 0.2)) <= {odrive.make_torque(AXIS, 0.2)}
+    return motor
+
+
+@pytest.mark.parametrize("state", [odrive.CLOSED_LOOP, odrive.IDLE, 0])
+def test_a_release_is_said_in_its_first_tick_and_again_whatever_the_axis_says(driven: OdriveMotor, state: int) -> None:
+    says(driven, 999 * MS, state)
+    assert order(driven, 1000 * MS, None) == LET_GO
+    again = {t_ns: frames for t_ns in range(1005 * MS, 1505 * MS, 5 * MS) if (frames := order(driven, t_ns, None))}
+    assert list(again) == [at * MS for at in range(1100, 1505, 100)] and all(one == LET_GO for one in again.values())
+
+
+def test_what_is_wanted_again_comes_up_at_once_though_it_says_that_it_is_up(driven: OdriveMotor) -> None:
+    """Its heartbeat is older than the release."""
+    assert order(driven, 1000 * MS, None) == LET_GO
+    assert order(driven, 1005 * MS, 0.2) == [odrive.make_clear_errors(AXIS), *GO, odrive.make_torque(AXIS, 0.2)]
+    assert order(driven, 1010 * MS, None) == LET_GO
+
+
+def test_it_lets_go_by_itself_of_an_axis_whose_readings_come_too_late(driven: OdriveMotor) -> None:
+    t_ns = 1000 * MS
+    for _ in range(2):                                    # a long time is confirmed by a second answer
+        while not driven._trip.is_open:
+            assert order(driven, t_ns, 0.2) != LET_GO
+            t_ns += 5 * MS
+        for _ in range(30):
+            order(driven, t_ns, 0.2)
+            t_ns += 5 * MS
+        driven.take(Frame(t_ns, 0x20, bytes(8)))
+    assert order(driven, t_ns, 0.2) == LET_GO and driven.order(0.2, t_ns).torque_nm == 0.0

@@ -4,6 +4,7 @@ import struct
 
 import pytest
 
+from tests.hw.spinning_plant import closed_after
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.emulated.nodes import Twin
@@ -44,22 +45,15 @@ class Bench:
             self.clock.t_ns += MS
             self.log += self.near.read()
 
+    def close(self) -> None:
+        self.near.close()
+        self.far.close()
+
     def heard(self, command: int) -> list[bytes]:
         return [frame.data for frame in self.log if frame.arbitration_id == BASE + command + self.axis.device]
 
 
-@pytest.fixture
-def make(plant, clock):
-    benches = []
-
-    def build(*args, **kwargs):
-        benches.append(Bench(plant, clock, *args, **kwargs))
-        return benches[-1]
-
-    yield build
-    for bench in benches:
-        bench.near.close()
-        bench.far.close()
+make = closed_after(Bench, "plant", "clock")
 
 
 @pytest.fixture
@@ -67,37 +61,16 @@ def bench(make):
     return make()
 
 
-def test_rates_of_a_new_device(bench) -> None:
+def test_rates_of_a_new_device_and_what_it_refuses(bench) -> None:
     bench.run(2000)
     assert [len(bench.heard(status)) for status in (STATUS_0, STATUS_1, STATUS_2)] == [200, 8, 0]
-
-
-def test_status_2_is_turned_on_and_says_so(bench) -> None:
-    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
-    bench.run(1000)
-    assert bench.heard(0x440) == [bytes([0, 0x04, 0, 0x07, 0])]
-    assert len(bench.heard(STATUS_2)) == 50
-    bench.send(0x400, bytes([0x05, 0, 0x04, 0]))
-    bench.log.clear()
-    bench.run(100)
-    assert bench.heard(0x440) == [bytes([0, 0x05, 0, 0x06, 0])] and bench.heard(STATUS_0) == []
-
-
-def test_a_status_that_it_does_not_have_is_refused(bench) -> None:
     bench.send(0x400, bytes([0, 0x80, 0, 0x80]))
     bench.run(1)
     assert bench.heard(0x440) == [bytes([1, 0, 0x80, 0x03, 0])]
-
-
-def test_nothing_moves_without_a_heartbeat_that_names_it(bench, plant) -> None:
-    bench.duty(0.5)
-    bench.run(50)
-    bench.beat(1 << 4)
-    bench.run(50)
-    assert plant.velocity_rad_s["hood"] == 0.0
-    bench.beat()
-    bench.run(50)
-    assert plant.velocity_rad_s["hood"] > 10.0
+    bench.send(0x3800, bytes([250, 16, 0, 0, 0]))
+    bench.send(0x3800, bytes([136]) + struct.pack("<f", float("nan")))
+    bench.run(1)
+    assert bench.heard(0x3840) == [bytes([250, 0, 0, 0, 0, 0, 1]), bytes([136, 3]) + struct.pack("<f", 0.03125) + b"\1"]
 
 
 @pytest.mark.parametrize("last_ms", [0, 40])
@@ -120,14 +93,6 @@ def test_the_output_is_zero_100_ms_after_the_last_heartbeat(bench, plant, last_m
     assert bench.node.output == 0.5                       # the setpoint stood all the while
 
 
-def test_a_heartbeat_without_its_bit_disables_at_once(bench) -> None:
-    bench.duty(0.5)
-    bench.run(30, beating=True)
-    bench.beat(0)
-    bench.run(1)
-    assert bench.node.output == 0.0
-
-
 def test_torque_is_that_of_a_motor_at_a_share_of_the_bus_voltage(bench, plant) -> None:
     """dw/dt = kt (d V - kt w) / (R J): the closed form, against the device's 1 ms loop."""
     bench.duty(0.25)
@@ -135,13 +100,6 @@ def test_torque_is_that_of_a_motor_at_a_share_of_the_bus_voltage(bench, plant) -
     tau_s = plant.inertia_kg_m2 * OHM / KT**2
     assert plant.velocity_rad_s["hood"] == pytest.approx(
         0.25 * 12.25 / KT * (1.0 - 2.718281828 ** (-0.4 / tau_s)), rel=0.01)
-
-
-def test_at_a_duty_of_zero_it_coasts(bench, plant) -> None:
-    plant.velocity_rad_s["hood"] = 100.0
-    bench.duty(0.0)
-    bench.run(100, beating=True)
-    assert plant.velocity_rad_s["hood"] == 100.0
 
 
 def test_stall_current_is_limited(bench, plant) -> None:
@@ -166,18 +124,6 @@ def test_a_closed_switch_stops_it_in_one_direction(make, plant, direction: int, 
     assert bench.node.output == duty
 
 
-def test_status_2_is_the_motor_in_the_devices_sign(make, plant) -> None:
-    bench = make(SparkAxis(3, -1))
-    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
-    bench.send(0x3800, bytes([71, 16, 0, 0, 0]))
-    plant.velocity_rad_s["hood"] = 62.8318530718           # 10 turns a second, the robot's way
-    bench.run(200)
-    rpm, turns = struct.unpack("<ff", bench.heard(STATUS_2)[-1])
-    assert rpm == pytest.approx(-600.0, rel=1e-4)
-    at_s = round(-turns / 10.0, 6)
-    assert 0.17 < at_s <= 0.2
-
-
 def test_a_new_device_smears_speed_over_a_tenth_of_a_second_and_less_is_a_setting(bench, plant) -> None:
     bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
     bench.run(300)
@@ -190,63 +136,6 @@ def test_a_new_device_smears_speed_over_a_tenth_of_a_second_and_less_is_a_settin
     assert struct.unpack("<ff", bench.heard(STATUS_2)[-1])[0] == pytest.approx(600.0, rel=1e-4)
 
 
-def test_an_unknown_parameter_is_refused(bench) -> None:
-    bench.send(0x3800, bytes([250, 16, 0, 0, 0]))
-    bench.send(0x3800, bytes([136]) + struct.pack("<f", float("nan")))
-    bench.run(1)
-    assert bench.heard(0x3840) == [bytes([250, 0, 0, 0, 0, 0, 1]), bytes([136, 3]) + struct.pack("<f", 0.03125) + b"\1"]
-
-
-def test_it_says_that_it_has_reset_until_faults_are_cleared(bench) -> None:
-    bench.run(250)
-    assert bench.heard(STATUS_1)[-1] == bytes([0, 0, 0x40, 0, 0, 0x40, 0, 0])
-    bench.send(0x1B80, b"")
-    bench.run(250)
-    assert bench.heard(STATUS_1)[-1] == bytes(8)
-
-
-def test_a_restart_forgets_what_was_set(bench, plant) -> None:
-    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
-    bench.send(0x3800, bytes([71, 16, 0, 0, 0]))
-    bench.send(0x1B80, b"")
-    bench.duty(0.5)
-    bench.run(300, beating=True)
-    bench.node.restart(bench.clock.t_ns)
-    bench.log.clear()
-    bench.run(300)
-    assert bench.node.output == 0.0 and bench.node.parameters[71] == 200.0
-    assert bench.heard(STATUS_2) == [] and bench.heard(STATUS_1)[-1][5] == 0x40
-    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
-    bench.run(30)
-    turned = plant.velocity_rad_s["hood"] * 0.33 / 6.2831853
-    assert 0.0 < struct.unpack("<ff", bench.heard(STATUS_2)[-1])[1] <= turned * 1.01       # counted from the restart on
-
-
-def test_a_competition_controllers_heartbeat_locks_it_until_power_is_cycled(bench, plant) -> None:
-    bench.duty(0.5)
-    bench.run(10, beating=True)
-    assert bench.near.write(Frame(0, 0x01011840, bytes(8), True))
-    bench.run(30, beating=True)
-    speed = plant.velocity_rad_s["hood"]
-    bench.run(50, beating=True)
-    assert plant.velocity_rad_s["hood"] == speed and bench.node.output == 0.0
-    assert bench.heard(STATUS_0)[-1][6] == 0x20
-    bench.node.restart(bench.clock.t_ns)
-    bench.duty(0.5)
-    bench.run(10, beating=True)
-    assert bench.node.output == 0.5
-
-
-def test_old_firmware_has_only_its_version_in_common(make, plant) -> None:
-    bench = make(settings=SparkSettings(firmware=(24, 0, 1)))
-    bench.send(0x2600, bytes(8), is_remote=True)
-    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
-    bench.duty(0.5)
-    bench.run(300, beating=True)
-    assert [frame.data for frame in bench.log] == [bytes([24, 0, 0, 1, 0, 0, 0, 0])]
-    assert plant.velocity_rad_s["hood"] == 0.0
-
-
 def test_malformed_frames_are_counted_and_change_nothing(bench) -> None:
     bench.duty(0.5)
     bench.run(5, beating=True)
@@ -256,28 +145,3 @@ def test_malformed_frames_are_counted_and_change_nothing(bench) -> None:
     assert bench.near.write(Frame(0, HEARTBEAT, bytes(4), True))
     bench.run(5)
     assert bench.node.output == 0.5 and bench.node.bad_frames == 4
-
-
-def test_a_fault_that_has_gone_is_sticky_until_it_is_told_to_forget(make) -> None:
-    bench = make()
-    bench.node.fail(0x20)
-    bench.node.fail(0)
-    bench.run(300)
-    assert bench.heard(STATUS_1)[-1][0] == 0 and bench.heard(STATUS_1)[-1][3] == 0x20
-    bench.send(0x1B80, b"")
-    bench.run(300)
-    assert bench.heard(STATUS_1)[-1][3] == 0
-
-
-def test_other_firmware_is_another_device(make) -> None:
-    bench = make()
-    bench.run(30)
-    bench.node.settings = SparkSettings(firmware=(24, 0, 1))
-    bench.node.restart(bench.clock.t_ns)
-    bench.log.clear()
-    bench.run(300)
-    assert bench.log == []
-    bench.node.settings = SparkSettings()
-    bench.node.restart(bench.clock.t_ns)
-    bench.run(30)
-    assert bench.heard(STATUS_0)

@@ -12,8 +12,8 @@ import pytest
 from truearc.hw.fault_codes import CAMERA_EXPOSURE_AUTOMATIC, CAMERA_EXPOSURE_WRONG
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real import system as realtime
-from truearc.hw.real.camera import CameraThread, lock_exposure, open_camera
 from truearc.hw.real.system import ServiceManager
+from truearc.hw.real.wires import SILENT_NS, CameraThread, lock_exposure
 
 needs_unix = pytest.mark.skipif(sys.platform == "win32", reason="AF_UNIX datagrams: POSIX only")
 needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="real-time scheduling is asked of Linux only")
@@ -48,13 +48,7 @@ def test_a_manager_that_does_not_listen_stops_nobody(tmp_path):
             manager.say("WATCHDOG=1")
 
 
-def test_without_a_manager_nothing_happens():
-    manager = ServiceManager(None)
-    manager.say("READY=1")
-    manager.close()
-
-
-def test_a_refusal_is_an_answer_in_words(monkeypatch):
+def test_a_refusal_is_an_answer_in_words_and_everything_is_elsewhere(monkeypatch):
     def refuse(*_):
         raise PermissionError(1, "Operation not permitted")
 
@@ -63,6 +57,10 @@ def test_a_refusal_is_an_answer_in_words(monkeypatch):
     assert realtime.ask_fifo(50) == ("real-time scheduling (SCHED_FIFO 50)", "Operation not permitted")
     with started_thread():
         assert realtime.ask_fifo_beside(50).refused == "Operation not permitted"
+    monkeypatch.setattr(realtime.sys, "platform", "win32")
+    for answer in (realtime.ask_fifo(50), realtime.ask_fifo_beside(50), realtime.ask_core(1),
+                   realtime.ask_locked_memory(), *realtime.rehearse(50)):
+        assert answer.refused == "this is not Linux"
 
 
 @contextlib.contextmanager
@@ -82,13 +80,6 @@ def test_other_threads_are_asked_for_below_the_loops_own(monkeypatch):
     with started_thread() as thread:
         assert realtime.ask_fifo_beside(50).refused == ""
         assert asked[thread.native_id].sched_priority == 49 and threading.get_native_id() not in asked
-
-
-def test_elsewhere_everything_is_refused_with_the_reason(monkeypatch):
-    monkeypatch.setattr(realtime.sys, "platform", "win32")
-    for answer in (realtime.ask_fifo(50), realtime.ask_fifo_beside(50), realtime.ask_core(1),
-                   realtime.ask_locked_memory(), *realtime.rehearse(50)):
-        assert answer.refused == "this is not Linux"
 
 
 @needs_linux
@@ -111,34 +102,15 @@ def test_memory_is_not_locked_under_a_limit(monkeypatch):
     assert realtime.ask_locked_memory().refused == "only 8192 KiB are allowed"
 
 
-@needs_linux
-def test_a_rehearsal_changes_nothing_here():
-    import os
-    before = os.sched_getscheduler(0)
-    asked = [answer.asked for answer in realtime.rehearse(50)]
-    assert asked == ["real-time scheduling (SCHED_FIFO 50)", "locked memory"] and os.sched_getscheduler(0) == before
-
-
 S = 1_000_000_000
-
-
-@pytest.fixture
-def film(tmp_path):
-    """A film of twelve grey images, each brighter than the one before."""
-    path = tmp_path / "film.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30.0, (64, 48))
-    for index in range(12):
-        writer.write(np.full((48, 64, 3), 20 * index, np.uint8))
-    writer.release()
-    return path
 
 
 class Gated:
     """A capture that gives one image whenever the test lets it, stamped by the driver."""
 
-    def __init__(self, stamps_ms: list[float]) -> None:
+    def __init__(self, stamps_ms: list[float], shades: list[int] | None = None) -> None:
         self.go, self.given = threading.Semaphore(0), threading.Semaphore(0)
-        self.stamps_ms = stamps_ms
+        self.stamps_ms, self.shades = stamps_ms, shades or list(range(1, len(stamps_ms) + 1))
         self.count = 0
         self.released = False
 
@@ -148,7 +120,7 @@ class Gated:
         self.count += 1
         if self.count > len(self.stamps_ms):
             return False, None
-        return True, np.full((4, 6, 3), self.count, np.uint8)
+        return True, np.full((4, 6, 3), self.shades[self.count - 1], np.uint8)
 
     def get(self, _property: int) -> float:
         return self.stamps_ms[self.count - 1]
@@ -201,21 +173,24 @@ def test_a_camera_that_gives_nothing_is_lost_after_two_seconds(gated, clock) -> 
         camera.read()
 
 
-def test_a_film_that_ends_is_a_lost_camera(film, clock) -> None:
-    camera = CameraThread(cv2.VideoCapture(str(film)), clock, "film")
-    camera._thread.join(timeout=10.0)
-    picture = camera.read()
-    assert picture.image.shape == (48, 64, 3) and picture.image.dtype == np.uint8
-    assert abs(float(picture.image.mean()) - 220.0) < 3.0   # the twelfth image
-    with pytest.raises(LinkLost, match="film: stopped giving images"):
+def test_an_image_that_comes_again_is_none_and_a_camera_that_gives_no_other_is_lost(clock) -> None:
+    capture = Gated([0.0] * 8, [10, 20, 20, 20, 20, 20, 20, 30])
+    camera = CameraThread(capture, clock, "still")
+    capture.given.acquire(timeout=5.0)
+    for _ in range(2):
+        capture.give()
+        assert camera.read() is not None
+    for _ in range(5):
+        clock.t_ns += SILENT_NS // 6
+        capture.give()
+        assert camera.read() is None
+    clock.t_ns += SILENT_NS
+    with pytest.raises(LinkLost, match="camera still: repeats the same frame"):
         camera.read()
+    capture.give()
+    assert camera.read() is not None
+    capture.go.release(50)
     camera.close()
-
-
-@pytest.mark.parametrize("device", ["/dev/nosuchcamera", "97"])
-def test_an_absent_camera_is_named(device: str, clock) -> None:
-    with pytest.raises(LinkLost, match=device):
-        open_camera(device, 640, 480, 30.0, clock)
 
 
 class Obeys:

@@ -1,17 +1,25 @@
-"""truearc sysid on the emulated robot: what is fitted is what the world was made of."""
+"""truearc sysid on the emulated robot: faults and buttons end in HOLD; what is fitted is what its world was made of."""
 
+import signal
+import threading
+import time
 import tomllib
 
 import msgspec
 import pytest
 from msgspec.structs import replace
 
+from tests.faulty_robot import nodes_with
+from tests.robot.alike import codes
+from tests.robot.good_tick import CONFIG
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.cli.sysid_drive import drive_twin
-from truearc.robot.config.schema import Config, load_config, read_axis
-from truearc.robot.reasons import IDENTIFY_DONE
+from truearc.cli.run_robot import ARM, drive_twin
+from truearc.hw.devices.button_box import open_button_box
+from truearc.robot.config.schema import Config, read_axis
+from truearc.robot.reasons import DEVICE_STALE, IDENTIFY_DONE, IDENTIFY_RELEASED
 from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import load_trials
 from truearc.sim.sysid.fit import fit_law, fit_motion
 from truearc.sim.sysid.session import load_driven
@@ -19,10 +27,90 @@ from truearc.sim.world import drive
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
+from truearc_proof.world.faults import SILENT, Fault
 
-CONFIG = load_config(SHIPPED)
+SECOND = 1_000_000_000
+FOREVER = 1 << 62
+
+
+def only(joint):
+    both = {name: replace(getattr(CONFIG.identify, name), repeats=int(name == joint)) for name in ("flywheel", "hood")}
+    return replace(CONFIG, identify=replace(CONFIG.identify, **both))
+
+
+@pytest.mark.parametrize(("device", "joint"), [("flywheel_b", "flywheel"), ("hood_encoder", "hood"),
+                                               ("feeder", "hood")])
+def test_a_reading_that_goes_stale_ends_it_in_hold(tmp_path, device, joint):
+    fault = Fault(SILENT, 3 * SECOND, FOREVER)
+    over = drive_twin(only(joint), tmp_path / "s", World(2), lambda text: None, nodes_of=nodes_with({device: (fault,)}))
+    assert DEVICE_STALE.name in codes(over.params["causes"])
+    last = [tick for tick, _ in TickReader(tmp_path / "s")][-1]
+    assert not last.sent.enable_flywheel and last.sent.flywheel_torque_nm == last.sent.hood_torque_nm == 0.0
+    assert last.inputs.t_ns <= 3 * SECOND + (CONFIG.gate.reading_age_s + 0.1) * SECOND
+    assert not last.verdict.fire and last.verdict.reasons == (over,)
+    assert replay(tmp_path / "s")[1] is None
+    driven = load_driven(tmp_path / "s")
+    assert not driven.whole and not driven.records and joint in driven.warnings[0]
+
+
+def test_the_operators_button_ends_it(tmp_path, capsys):
+    over = drive_twin(only("flywheel"), tmp_path / "s", World(2), lambda text: None, (*ARM, (4 * SECOND, "fire")))
+    assert over == IDENTIFY_RELEASED(button="fire")
+    assert main(["sysid", str(tmp_path / "s"), "--quiet"]) == 1
+    assert "released by the operator" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    ([], "give --config"), (["--emulate"], "needs --out"), (["--config", "nowhere.toml"], "nowhere.toml"),
+    (["--csv", "nowhere.csv"], "nowhere.csv"), (["--emulate", "--out", "x", "--seed", "-1"], "--seed: got -1"),
+    (["--csv", "a.csv", "-o", "no/such/gains.toml"], "no such directory"),
+])
+def test_bad_input_is_exit_2_with_a_name(arguments, words, capsys):
+    assert main(["sysid", *arguments]) == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.fixture
+def handlers():
+    """The door takes over Ctrl-C; give it back."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_the_real_door_with_silent_devices_ends_in_hold_and_leaves_a_session(tmp_path, handlers, capsys):
+    """Real clock, a real serial port, a bus without devices: the operator arms, and nothing is ever driven."""
+    box, over = open_button_box(), threading.Event()
+
+    def operate():
+        begin_ns, armed = time.monotonic_ns(), False
+        while not over.wait(0.05):
+            box.step(time.monotonic_ns() - begin_ns)
+            if not armed and time.monotonic_ns() - begin_ns > SECOND // 2:
+                box.press("arm")
+                armed = True
+
+    text = SHIPPED.read_text(encoding="utf-8").replace("/dev/buttonbox", box.port)
+    text = text.replace('interface = "socketcan"', 'interface = "virtual"').replace('"can0"', f'"{tmp_path.name}"')
+    (tmp_path / "launcher.toml").write_text(text, encoding="utf-8")
+    operator = threading.Thread(target=operate)
+    operator.start()
+    try:
+        code = main(["sysid", "--config", str(tmp_path / "launcher.toml"), "--out", str(tmp_path / "s")])
+    finally:
+        over.set()
+        operator.join()
+        box.unplug()
+    said = capsys.readouterr().err
+    assert code == 1 and "waiting for the axes" in said and "no frames received since the start" in said
+    ticks = [tick for tick, _ in TickReader(tmp_path / "s")]
+    assert any(tick.sent.enable_flywheel for tick in ticks)
+    assert all(tick.sent.flywheel_torque_nm == tick.sent.hood_torque_nm == 0.0 for tick in ticks)
+    assert replay(tmp_path / "s")[1] is None
+
+
 MOTORS = len(CONFIG.axes.flywheels)
-pytestmark = pytest.mark.slow
 
 
 def repeated(flywheel, hood):
@@ -45,37 +133,24 @@ def fits(session):
     return {joint: fit_motion(record) for joint, record in driven.records.items()}
 
 
-def test_the_flywheels_friction_and_inertia_are_the_worlds(fits):
+@pytest.mark.slow
+def test_friction_inertia_and_delay_are_the_worlds(fits):
     fit = fits["flywheel"]
     assert fit.r2 > 0.9999
     assert fit.value("ka") * MOTORS == pytest.approx(drive.INERTIA_KG_M2, rel=0.005)
     assert fit.value("ks") * MOTORS == pytest.approx(drive.COULOMB_NM, rel=0.02)
     assert fit.value("kv") * MOTORS == pytest.approx(drive.VISCOUS_NM_S, rel=0.02)
     assert fit.value("kq") * MOTORS == pytest.approx(drive.WINDAGE_NM_S2, rel=0.02)
-
-
-def test_the_hoods_friction_and_inertia_are_the_worlds(fits):
     fit = fits["hood"]
     assert fit.r2 > 0.9999
     for name, truth in (("ka", drive.SCREW_INERTIA_KG_M2), ("ks", drive.HOOD_COULOMB_NM),
                         ("ks_back", drive.HOOD_COULOMB_NM), ("kv", drive.SCREW_VISCOUS_NM_S)):
         assert fit.value(name) == pytest.approx(truth, rel=0.02), name
-
-
-def test_the_delay_is_that_of_the_devices_reports(fits):
-    """They report at 3, 13, 23... ms, which the robot reads at 5, 15, 25... ms, less the round trip of 5 ms."""
     for fit in fits.values():
         assert fit.value("delay_s") == pytest.approx(0.002 - 0.005, abs=0.0005)
 
 
-def test_only_what_was_programmed_was_sent(session):
-    """No wheel was driven backwards, no ball was fed, the hood stayed inside."""
-    sent = [(tick.sent, tick.estimate.hood_deg) for tick, _ in TickReader(session)]
-    assert all(0.0 <= one.flywheel_torque_nm <= CONFIG.identify.flywheel.step_nm for one, _ in sent)
-    assert all(one.feeder_torque_nm == 0.0 for one, _ in sent)
-    assert max(deg for _, deg in sent if deg is not None) < CONFIG.hood.high_deg - 0.5 * CONFIG.identify.hood.margin_deg
-
-
+@pytest.mark.slow
 def test_another_worlds_inertia_is_found_without_being_told(tmp_path):
     world = World(1, Options(flywheel_inertia_scale=1.6, battery_start_v=12.0))
     assert drive_twin(repeated(1, 0), tmp_path / "s", world, lambda text: None) == IDENTIFY_DONE()
@@ -98,6 +173,7 @@ def merged(fragment: str) -> Config:
     return msgspec.convert(whole, Config, dec_hook=read_axis)
 
 
+@pytest.mark.slow
 def test_the_door_writes_gains_that_the_robot_shoots_with(session, tmp_path, capsys):
     gains, page = tmp_path / "gains.toml", tmp_path / "page.html"
     before = SHIPPED.read_bytes()

@@ -7,15 +7,13 @@ import msgspec
 import numpy as np
 import pytest
 
-import truearc.robot.tick
 from benchmarks.matrix.fault import REARM, Motion, Row
 from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.motion import COLUMNS, SET_RAD_S, Moved, judge_motion
 from benchmarks.matrix.play import play
 from benchmarks.matrix.rows import MOTION_ROWS
-from benchmarks.motion_soak import CASES, Case, soak
+from benchmarks.motion_soak import CASES, soak
 from tests.hw.host_speed import excuse_stalls
-from truearc.robot.control import control
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
 NAMES = {row.name: row for row in MOTION_ROWS}
@@ -42,9 +40,6 @@ SPARK = ("wheels: both encoders read 0, since rest", "hood: its encoder is froze
 REAL = ("motion, wheels: both encoders read 0, since rest",
         "motion, wheels: both encoders: readings stop, heartbeats go on while spinning up",
         "motion, hood: its encoder is frozen while it rises", "motion, SPARK wheels: both encoders read 0, since rest")
-STEP_S = 0.001
-
-
 def run(row: Row, bus: str, folder: Path) -> Result:
     stepped = bus == "virtual"
     return judge(row, bus, stepped, folder / "run", play(row, bus, folder / "run", stepped))
@@ -79,17 +74,7 @@ def test_no_false_release_in_a_short_run(name: str) -> None:
     assert not result.wrong, result
 
 
-@posix
-def test_a_release_of_half_a_second_is_seen_on_the_plant(monkeypatch: pytest.MonkeyPatch) -> None:
-    def lapsing(inputs, *others):
-        command, memory = control(inputs, *others)
-        idle = 8.0 < inputs.t_ns * 1e-9 < 8.5     # the wheels are taken from their set point for so long
-        return (msgspec.structs.replace(command, flywheel_torque_nm=0.0) if idle else command), memory
-
-    monkeypatch.setattr(truearc.robot.tick, "control", lapsing)
-    result = soak("lapsing", Case(((590.0, 45.0),), is_shot=False), "odrive", 9.0)
-    assert any("wheels without torque for 0.4" in wrong or "wheels without torque for 0.5" in wrong
-               for wrong in result.wrong), result
+STEP_S = 0.001                        # of the log
 
 
 def log_of(seconds: float, torque_until_s: float, wheel_rad_s: float = SET_RAD_S, hood_deg: float = 45.0) -> np.ndarray:

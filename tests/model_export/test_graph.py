@@ -14,13 +14,15 @@ from hypothesis import strategies as st
 from onnx.reference import ReferenceEvaluator
 from scipy.spatial import cKDTree
 
+from truearc.api.results import Table
 from truearc.errors import InputError
 from truearc.model_export import NETWORK_TOLERANCE
 from truearc.model_export.graph import export_weights, load_trained, make_model, network_part, novelty_part
-from truearc.model_export.verify import compare, domain_grid, find_faults
+from truearc.model_export.verify import HEADER, compare, domain_grid, features_of, find_faults, rate_shots
 from truearc.robot import gate as contract
 from truearc.robot.gate import KEY_SEAL, OUTPUT, Gate, load_gate
 from truearc.robot.gate import NOVELTY as NOVELTY_OUTPUT
+from truearc.sim.data.dataset import Shots
 from truearc.sim.gate.model import describe_novelty, fit_novelty, novelty_record
 from truearc.sim.paper.network import Layers, Network, initial_layers, load_weights, save_weights, weights_hash
 
@@ -112,8 +114,6 @@ def test_columns_are_in_the_order_of_the_contract(tmp_path: Path) -> None:
 
 
 def test_bad_weights_and_bad_places_are_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"weights\.npz"):
-        export_weights(tmp_path, tmp_path / "gate.onnx")
     save_weights(tmp_path / "w", make_network(1), RECORD)
     save_weights(tmp_path / "old", make_network(1), {key: RECORD[key] for key in RECORD if key != "novelty"})
     with pytest.raises(InputError, match=r"training\.json: key 'novelty'"):
@@ -207,3 +207,40 @@ def test_a_gate_without_numbers_cannot_pass_a_comparison(exported: tuple[Gate, P
     trained = load_trained(exported[1])
     gate = Gate(Session("nan"), ((1.0, 2.0), (0.1, 0.2), (10.0, 20.0)), "", {})
     assert not compare(gate, trained, domain_grid(gate, 3)).passed
+
+
+# --- rows of predictions, character by character
+
+class Halves:
+    """p_two = distance / 10, p_three = ratio / 2, novelty = 1 / distance; no number at all beyond 45 degrees."""
+
+    def run(self, outputs: tuple[str, ...], inputs: dict[str, np.ndarray]) -> list[np.ndarray]:
+        features = inputs["features"]
+        p = np.column_stack([features[:, 0] / 10, features[:, 1] / 2]).astype(np.float32)
+        p[features[:, 2] > 45.0] = np.nan
+        return [p, 1.0 / features[:, :1]]
+
+
+GATE = Gate(Halves(), ((1.0, 6.0), (0.0, 1.0), (0.0, 90.0)), "", {})
+
+
+def make_ratings(gate: Gate, shots: Shots, name: str) -> str:
+    return Table(HEADER, tuple(rate_shots(gate, shots, name))).to_csv()
+
+
+def make_shots(**columns: list[float]) -> Shots:
+    numbers = {"distance_m": [5.0, 7.5, 2.5], "motor_ratio": [0.5, 0.25, 1.0], "hood_deg": [30.0, 40.0, 50.0]}
+    return Shots(("a", "b,c", "d"), {name: np.array(values) for name, values in (numbers | columns).items()}, {})
+
+
+def test_rows_to_the_letter() -> None:
+    assert make_ratings(GATE, make_shots(distance_m=[4.0, 8.0, 2.0]), "DIR") == (
+        'shot_id,p_two,p_three,in_domain,novelty\na,0.4000000059604645,0.25,true,0.25\n"b,c",0.800000011920929,0.125,false,0.125\nd,,,false,\n')
+
+
+def test_missing_features_are_named_with_their_shots() -> None:
+    with pytest.raises(InputError, match=r"DIR: column hood_deg: no value for shot_id b,c$"):
+        make_ratings(GATE, make_shots(hood_deg=[30.0, np.nan, 50.0]), "DIR")
+    many = Shots(tuple("abcdefgh"), {"distance_m": np.ones(8), "hood_deg": np.ones(8)}, {})
+    with pytest.raises(InputError, match="column motor_ratio: no value for shot_id a, b, c, d, e and 3 more"):
+        features_of(many, "DIR")

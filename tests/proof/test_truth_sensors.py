@@ -7,16 +7,16 @@ import pytest
 from scipy import stats
 
 from tests.proof.test_truth_flight import quiet
-from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Noise
 from truearc.sim.data.dataset import join_datasets
 from truearc.sim.data.files import hash_dataset, load_dataset
-from truearc_proof.truth.flight import at, wheel_dip
+from truearc_proof.truth.flight import wheel_dip
 from truearc_proof.truth.generate import Asked, follow, play, shoot, write
 from truearc_proof.truth.world import DIRT, EFFECTS, LEVELS, make_world
 
 # --- truth sensors
 
+ASKED = (Asked(3.0, 45.0, 0.5, 12), Asked(5.0, 50.0, 0.62, 8))
 ALL = {effect.name: effect.typical for effect in EFFECTS}
 
 
@@ -34,28 +34,11 @@ def test_what_is_written_reads_back_the_same(tmp_path, level):
 
 
 def test_the_same_world_gives_the_same_bits_and_another_seed_another():
-    first, again, other = (shoot(make_world(ALL, "L2", 20, seed, dirt=DIRT[:3])) for seed in (9, 9, 10))
-    assert hash_dataset(first) == hash_dataset(again) != hash_dataset(other)
-
-
-def test_worlds_that_differ_in_an_effect_share_their_luck():
-    plain, windy = (play(make_world(effects, "L2", 50, 4)) for effects in ({}, {"wind_y": 1.0}))
-    assert np.array_equal(plain.plan.distance_m, windy.plan.distance_m)
-    for name in ("battery_v", "distance_m", "hood_deg"):
-        assert np.array_equal(plain.dataset.shots.number(name), windy.dataset.shots.number(name))
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
-def test_every_effect_changes_what_is_seen_and_amplitude_zero_does_not(effect):
-    worlds = [make_world(effects, "L2", 60, 6) for effects in ({}, {effect.name: 0.0}, {effect.name: effect.typical})]
-    plain, zero, there = (hash_dataset(shoot(world)) for world in worlds)
-    assert plain == zero != there
-
-
-def test_unknown_names_are_named():
-    for wrong in ({"effects": {"moon": 1.0}}, {"dirt": ["mud"]}, {"level": "L3"}, {"shots": 3}, {"seed": -1}):
-        with pytest.raises(InputError, match=r"moon|mud|L3|3|-1"):
-            make_world(**wrong)
+    worlds = [make_world(ALL, "L2", 20, seed, dirt=DIRT[:3]) for seed in (9, 9, 10)]
+    for made in (list(map(shoot, worlds)), [follow(*one) for one in ((worlds[0], ASKED), (worlds[1], ASKED),
+                                                                     (worlds[0], ASKED, 2))]):
+        first, again, other = map(hash_dataset, made)
+        assert first == again != other
 
 
 def test_sensors_scatter_as_rig_toml_says():
@@ -88,43 +71,6 @@ def test_track_noise_is_white_and_gaussian_unless_dirty():
     assert noise.std() == pytest.approx(0.015, rel=0.08)
     _, noise = track_noise(make_world(level="L2", shots=100, seed=12, dirt=("outliers",)))
     assert stats.kstest(noise.ravel() / 0.015, stats.t(3).cdf).pvalue > 1e-3
-
-
-def test_tracks_are_samples_of_the_flight_from_soon_after_release():
-    season = play(quiet(make_world(level="L2", shots=40, seed=13)))
-    tracks, flown = season.dataset.tracks, season.flown
-    for k in range(40):
-        rows = tracks.shot == k
-        velocity_x = flown.path.velocity_m_s[0, 0, k]
-        release_s = tracks.x_m[rows][0] / velocity_x
-        assert tracks.t_s[rows][0] == 0.0 and 0.0 <= release_s < 1.05 / 60.0
-        assert np.allclose(np.diff(tracks.t_s[rows]), 1.0 / 60.0)
-        assert tracks.x_m[rows].max() <= season.plan.distance_m[k]
-        assert tracks.t_s[rows][-1] <= 0.75 + 1e-9
-
-
-@pytest.mark.parametrize(("effect", "turn"), [
-    ("track_scale", lambda p: 1.02 * p),
-    ("track_tilt", lambda p: np.array([[np.cos(a), 0, -np.sin(a)], [0, 1, 0], [np.sin(a), 0, np.cos(a)]]) @ p),
-], ids=["scale", "tilt"])
-def test_a_trackers_lens_and_frame(effect, turn):
-    plain, seen = (play(quiet(make_world(effects, "L2", 20, 14))).dataset.tracks
-                   for effects in ({}, {effect: ALL[effect]}))
-    points = [np.stack([t.x_m, t.y_m, t.z_m]) for t in (plain, seen)]
-    np.testing.assert_allclose(points[1], turn(points[0]), atol=1e-9)
-
-
-a = np.radians(ALL["track_tilt"])
-
-
-def test_a_fast_tracker_clock_stretches_time():
-    season = play(quiet(make_world({"track_clock": 0.02}, "L2", 20, 14)))
-    tracks = season.dataset.tracks
-    for k in range(20):
-        rows = np.flatnonzero(tracks.shot == k)[:20]
-        first = tracks.x_m[rows[0]] / season.flown.path.velocity_m_s[0, 0, k]
-        true = np.stack([at(season.flown.path, np.full(20, first + t / 1.02))[0][0, k] for t in tracks.t_s[rows]])
-        np.testing.assert_allclose(tracks.x_m[rows], true, atol=2e-3)
 
 
 def test_frames_are_lost_and_views_clipped():
@@ -166,33 +112,13 @@ def test_traces_show_the_dip_of_the_wheels():
     assert 0.03 < dip.mean() < 0.12 and 0.2 < dip.std() / dip.mean() < 0.45
 
 
-def test_shots_are_aimed_aside_but_not_far():
-    season = play(make_world(shots=900, seed=19))
-    off = season.flown.arrival.height_m - 2.44
-    outcome = np.array(season.dataset.shots.text("outcome"))
-    assert abs(np.median(off)) < 0.06 and np.percentile(np.abs(off), 90) < 0.7
-    assert 0.05 < np.mean(outcome == "three") < 0.3 and 0.08 < np.mean(outcome == "miss") < 0.4
-    assert season.motor_ratio.max() < 0.99
-
-
-@pytest.mark.parametrize("name", ["hood_offset", "distance_bias", "drag_reynolds", "ball_wear", "wind_x", "wheel_slip"])
+@pytest.mark.parametrize("name", ["distance_bias", "ball_wear", "wind_x"])
 def test_the_operator_corrects_the_level_of_a_hidden_effect(name):
     off = play(make_world({name: 2.0 * ALL[name]}, shots=300, seed=20)).flown.arrival.height_m - 2.44
     assert abs(np.nanmedian(off)) < 0.12
 
 
 # --- truth follow
-
-ASKED = (Asked(3.0, 45.0, 0.5, 12), Asked(5.0, 50.0, 0.62, 8))
-
-
-def test_the_sensors_have_what_was_asked_for() -> None:
-    shots = follow(make_world({"distance_bias": 0.2, "hood_offset": 2.0}, "L1", 40, 5), ASKED).shots
-    wanted = [np.repeat([one[k] for one in ASKED], [12, 8]) for k in range(3)]
-    assert len(set(shots.shot_id)) == 20
-    np.testing.assert_allclose(shots.number("distance_m"), wanted[0], atol=0.15)
-    np.testing.assert_allclose(shots.number("hood_deg"), wanted[1], atol=1.0)
-    np.testing.assert_array_equal(shots.number("motor_ratio"), wanted[2])
 
 
 @pytest.mark.parametrize(("effect", "amount"), [("hood_offset", 2.0), ("distance_bias", 0.2), ("wind_x", 3.0)])
@@ -213,22 +139,10 @@ def test_the_hidden_effect_is_at_work_as_in_the_season(effect: str, amount: floa
     assert not set(again.shots.text("session")) & set(first.text("session"))
 
 
-def test_the_same_number_shoots_the_same_shots() -> None:
-    world = make_world({"wind_x": 2.0}, "L2", 40, 7)
-    one, same, other = follow(world, ASKED), follow(world, ASKED), follow(world, ASKED, 2)
-    assert one.shots.numbers["hood_deg"].tobytes() == same.shots.numbers["hood_deg"].tobytes()
-    assert one.shots.numbers["hood_deg"].tobytes() != other.shots.numbers["hood_deg"].tobytes()
-    assert not set(one.shots.text("session")) & set(other.shots.text("session"))
-    with pytest.raises(ValueError, match="no shots"):
-        follow(world, [])
-
-
 def test_both_sessions_as_one_dataset_and_taken_apart_again() -> None:
     world = make_world({}, "L2", 40, 8)
     first, second = play(world).dataset, follow(world, ASKED)
-    both = join_datasets(first, second)
-    assert len(both.shots) == 60
-    back = both.take(range(40, 60))
+    back = join_datasets(first, second).take(range(40, 60))
     assert back.shots.shot_id == second.shots.shot_id
     np.testing.assert_array_equal(back.shots.number("since_last_shot_s"), second.shots.number("since_last_shot_s"))
     for name in ("tracks", "traces"):

@@ -5,12 +5,11 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import SPARK_HOOD
 from truearc.hw.devices.family import HoodEncoder
-from truearc.hw.devices.motor_encoder import MotorEncoderConfig, NoEncoder
 from truearc.hw.devices.odrive.family import OdriveConfig
-from truearc.hw.devices.spark.encoder import SparkEncoderConfig
-from truearc.hw.devices.spark.family import SparkConfig
+from truearc.hw.devices.registry import MotorEncoderConfig, NoEncoder
+from truearc.hw.devices.spark.family import SparkConfig, SparkEncoderConfig
+from truearc.robot.config.named_tables import ReadEncoder
 from truearc.robot.config.schema import Config
-from truearc.robot.hood_encoders import ReadEncoder
 
 
 def with_encoder(table: HoodEncoder, config: Config = CONFIG) -> Config:

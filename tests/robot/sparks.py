@@ -3,7 +3,7 @@
 from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG
-from truearc.hw.devices.advisory import AdvisoryConfig
+from truearc.hw.devices.registry import AdvisoryConfig
 from truearc.hw.devices.spark.family import SparkConfig
 from truearc.robot.config.schema import Config
 

@@ -1,30 +1,34 @@
-"""The aim file: read as it was sealed or refused; what it says is aimed at; every uncertainty is a HOLD."""
+"""The aim file, the collection plan and prescribed shots: read as they are or refused; every uncertainty is a HOLD."""
 
+import errno
 import math
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import UNSET
 from msgspec.structs import replace
 from scipy.interpolate import CubicHermiteSpline
 
 from tests.robot.aim_files import BY_BELIEF, CONTENT, HOOD, LEAD, RATIO, SEGMENT, X, sealed, shifted, write
-from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
+from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
+from truearc.cli.common import SHIPPED
+from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.protocols import ButtonEvent
-from truearc.robot.aim import REAIM_M, step_walk
-from truearc.robot.aim_file import AimFile, Curve, load_aim, load_aim_for
+from truearc.robot.aim import REAIM_M, aim, config_id, plan, step_walk, vacuum_speed_m_s, walked
+from truearc.robot.aim_file import AimFile, Curve, load_aim, load_aim_for, load_plan, with_plan
+from truearc.robot.config.schema import Prescribed
 from truearc.robot.estimate import estimate, remember
 from truearc.robot.operator_ui.aim_inbox import AimInbox, AimOrders, OfferingRig
 from truearc.robot.operator_ui.view import Glance, describe, tell
 from truearc.robot.operator_ui.what_if import QuestionError
 from truearc.robot.reasons import AIM_FILE_MISSING, FIRE_NOT_REQUESTED, NO_SET_POINT
 from truearc.robot.tick import step
-from truearc.robot.types import AimOffer, Sighting
+from truearc.robot.types import AimOffer, Shot, Sighting
 
 FREE_RAD_S = CONFIG.rig.launcher.free_speed_rad_s
 FILE = AimFile(CONTENT, "a" * 64)
@@ -43,12 +47,6 @@ def test_between_distances_it_is_the_cubic_that_scipy_has(distance_m):
 @pytest.mark.parametrize("distance_m", [1.999, 6.001, -1.0, 1e300, math.inf, math.nan])
 def test_beyond_its_ends_it_has_no_set_point(distance_m):
     assert FILE.at(distance_m) is None
-
-
-def test_a_sealed_file_is_read_as_it_was_written(tmp_path):
-    aim = load_aim_for(write(tmp_path / "a.json"), CONFIG)
-    assert [aim.at(x) for x in (2.0, 2.7, 6.0)] == [FILE.at(x) for x in (2.0, 2.7, 6.0)]
-    assert aim.content.note == "wind"
 
 
 @given(at=st.integers(0, len(sealed()) - 1), to=st.integers(0, 255))
@@ -97,7 +95,7 @@ def ready(distance_m=5.0, aims=AIMS, **remembered):
     return tick, replace(tick.memory, steady_t_ns=good_memory().steady_t_ns)
 
 
-def test_it_fires_with_the_set_point_of_the_file_and_the_drivers_correction():
+def test_it_fires_with_the_set_point_of_the_file_and_holds_without():
     tick, memory = ready(walk=(0.02, 5.0, 5.0))
     point = FILE.at(tick.estimate.distance_m)
     assert tick.aim.source == "belief" and tick.aim.hood_deg == point.hood_deg
@@ -105,9 +103,6 @@ def test_it_fires_with_the_set_point_of_the_file_and_the_drivers_correction():
     assert tick.aim.lead_deg == point.lead_deg > 0.0
     fired = step(good_inputs(tick.aim.motor_ratio * FREE_RAD_S, tick.aim.hood_deg), memory, BY_BELIEF, None, AIMS)
     assert fired.verdict.fire and fired.shot is not None
-
-
-def test_without_a_file_and_beyond_its_ends_it_holds():
     for tick, code in ((ready(aims={})[0], AIM_FILE_MISSING), (ready(7.0)[0], NO_SET_POINT),
                        (ready(5.0, walk=(1.0, 0.0, 0.0))[0], NO_SET_POINT),
                        (ready(5.0, aim_sha256="c" * 64)[0], AIM_FILE_MISSING)):
@@ -137,7 +132,7 @@ def press(button, memory, **inputs):
     return step(replace(good_inputs(200.0, 45.0, buttons), **inputs), memory, BY_BELIEF, None, AIMS).memory
 
 
-def test_an_offer_is_taken_by_the_button_while_disarmed_and_by_nothing_else():
+def test_an_offer_is_taken_by_button_or_page_while_disarmed_alone():
     memory = replace(good_memory(), walk=(0.03, 0.0, 0.0))
     disarmed = replace(memory, armed=False, aim=None, request_t_ns=0)
     assert press("accept", memory, aim_offer=OFFER).aim_sha256 is UNSET
@@ -150,19 +145,16 @@ def test_an_offer_is_taken_by_the_button_while_disarmed_and_by_nothing_else():
     assert press("accept", marked, aim_offer=OFFER).walk == (0.01, 0.0, 0.0)      # a second press changes nothing
     tick, _ = ready(aim_sha256=OTHER.sha256)
     assert tick.aim.motor_ratio == OTHER.at(tick.estimate.distance_m).motor_ratio
-
-
-def accept_on_page(memory, sha256, offer=OFFER):
-    inputs = replace(good_inputs(200.0, 45.0), aim_offer=offer, aim_accept=sha256)
-    return step(inputs, memory, BY_BELIEF, None, AIMS).memory
-
-
-def test_an_offer_is_taken_from_the_page_while_disarmed_and_if_it_is_the_one_on_offer():
     disarmed = replace(good_memory(), armed=False, aim=None, request_t_ns=0)
     assert accept_on_page(good_memory(), OFFER.sha256).aim_sha256 is UNSET
     assert accept_on_page(disarmed, "c" * 64).aim_sha256 is UNSET
     assert accept_on_page(disarmed, OFFER.sha256, UNSET).aim_sha256 is UNSET
     assert accept_on_page(disarmed, OFFER.sha256).aim_sha256 == OTHER.sha256
+
+
+def accept_on_page(memory, sha256, offer=OFFER):
+    inputs = replace(good_inputs(200.0, 45.0), aim_offer=offer, aim_accept=sha256)
+    return step(inputs, memory, BY_BELIEF, None, AIMS).memory
 
 
 @pytest.fixture
@@ -202,6 +194,16 @@ def test_the_page_keeps_a_sound_file_for_who_has_the_token_and_hands_on_its_acce
     assert AimOrders(tmp_path / "in", CONFIG).accept(token, accepted).status == 202        # the token stays
 
 
+def test_a_page_on_a_full_disk_takes_no_order_and_makes_its_token_at_the_next_start(tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr("os.open", lambda *_, **__: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left")))
+        full = AimOrders(tmp_path, CONFIG)
+    assert "the token" in str(refusal(full.keep, "Bearer ", b""))
+    (tmp_path / "token").touch()                  # as a disk that was full leaves it
+    AimOrders(tmp_path, CONFIG)
+    assert len((tmp_path / "token").read_text()) > 20
+
+
 @pytest.mark.parametrize("token", ["", "Bearer ", "Bearer x", "Basic abc", "Bearer \xe4"])
 def test_who_lacks_the_token_gives_no_order(orders, tmp_path, token):
     for order, body in ((orders.keep, sealed()), (orders.accept, b'{"sha256":"a"}')):
@@ -224,13 +226,6 @@ def test_an_acceptance_of_what_is_not_there_is_refused(orders, tmp_path, body):
     orders.keep(bearer(orders, tmp_path), sealed())
     assert refusal(orders.accept, bearer(orders, tmp_path), body).status in (400, 404)
     assert not (tmp_path / "in" / "accept").exists()
-
-
-def test_marks_correct_the_level_by_the_configured_step():
-    shot = step(good_inputs(), good_memory(), CONFIG, None).shot
-    assert step_walk((0.0, 0.0, 0.0), -1, shot, BY_BELIEF) == (0.01, 0.0, 0.0)
-    assert step_walk((0.01, 0.0, 0.0), 1, shot, BY_BELIEF) == (0.0, 0.0, 0.0)
-    assert step_walk((0.01, 0.0, 0.0), 0, shot, BY_BELIEF) == (0.01, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(("button", "walk"), [("miss-low", 0.01), ("miss-high", -0.01), ("two-low", 0.0),
@@ -268,12 +263,9 @@ def test_the_age_of_a_sighting_is_made_up_for_at_a_constant_speed(rate_m_s):
     assert np.abs(believed_m - true_m).max() < 0.002      # unfiltered and uncorrected: up to 0.13 s late, 0.39 m
 
 
-def test_a_standing_robot_knows_its_distance_better_than_one_sighting_says():
+def test_standing_still_averages_and_a_jump_starts_anew():
     believed_m, true_m = drive(0.0, noise_m=0.05)
     assert np.sqrt(np.mean((believed_m - true_m)**2)) < 0.05
-
-
-def test_a_jump_of_the_distance_starts_the_filter_anew():
     memory = good_memory()
     for number, distance_m in enumerate((5.0, 5.0, 3.0)):
         seen = Sighting(NOW_NS + number * seconds(0.05), True, None, distance_m, 0.03, 0.0)
@@ -296,3 +288,121 @@ def test_the_page_shows_lead_correction_and_offer():
 def test_a_file_that_was_made_when_the_format_was_new_is_still_read():
     aim = load_aim_for(Path(__file__).parent / "aim.json", CONFIG)
     assert aim.at(2.7) == FILE.at(2.7) and aim.content.note == "wind"
+
+
+@given(st.floats(1.0, 12.0), st.floats(0.5, 2.5), st.floats(20.0, 74.0))
+def test_the_vacuum_speed_hits_the_target(distance_m, rise_m, elevation_deg):
+    speed = vacuum_speed_m_s(distance_m, rise_m, elevation_deg, 9.81)
+    angle = math.radians(elevation_deg)
+    if speed is None:
+        assert distance_m * math.tan(angle) <= rise_m
+        return
+    flight = distance_m / (speed * math.cos(angle))
+    assert math.isclose(speed * math.sin(angle) * flight - 9.81 * flight**2 / 2, rise_m, abs_tol=1e-6)
+
+
+def test_the_plan_fills_hood_range_and_speeds_evenly_and_repeats_what_it_should():
+    shares, trims = np.array([plan(trial, CONFIG.collect) for trial in range(300)]).T
+    for third in range(3):
+        assert 90 <= np.sum((shares >= third / 3) & (shares < (third + 1) / 3)) <= 110
+    assert np.max(np.abs(trims)) <= CONFIG.collect.spread
+    assert abs(np.mean(trims)) < 0.01
+
+
+def shot(distance_m, trial, hood_deg=45.0):
+    return Shot(trial, 0, "c", distance_m, 0.02, hood_deg, 0.5, 300.0, 12.0, None, None, None)
+
+
+def test_marks_walk_the_speed_but_for_what_the_trim_explains():
+    collect = CONFIG.collect
+    small = next(trial for trial in range(100) if abs(plan(trial, collect)[1]) < 0.1 * collect.spread)
+    walk = (0.0, 0.0, 0.0)
+    for _ in range(5):
+        walk = step_walk(walk, -1, shot(8.0, small), CONFIG)
+    assert walked(walk, 8.0, 45.0) > walked(walk, 5.0, 45.0) > 0.0
+    assert step_walk(walk, 0, shot(8.0, small), CONFIG) == walk
+    collect = CONFIG.collect
+    fast = next(trial for trial in range(100) if plan(trial, collect)[1] > 0.5 * collect.spread)
+    assert step_walk((0.0, 0.0, 0.0), 1, shot(5.0, fast), CONFIG) == (0.0, 0.0, 0.0)
+    assert step_walk((0.0, 0.0, 0.0), -1, shot(5.0, fast), CONFIG)[0] > 0.0
+
+
+ROWS = (Prescribed(DISTANCE_M, 0.5, HOOD_DEG), Prescribed(7.0, 0.625, 33.0))
+
+
+def written(path, text):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_columns_may_stand_in_any_order_and_a_dataset_is_a_plan(tmp_path):
+    file = written(tmp_path / "p.csv", "hood_deg,name,distance_m,motor_ratio\n50,a,5,0.5\n33,b,7.0,0.625\n")
+    assert load_plan(file, CONFIG) == ROWS
+    written(tmp_path / "shots.csv", "shot_id,distance_m,hood_deg,motor_ratio,outcome\ns1,7.0,33.0,0.625,two\n")
+    assert load_plan(tmp_path, CONFIG) == ROWS[1:]
+
+
+@settings(deadline=None)
+@given(rows=st.lists(st.tuples(st.floats(0.1, 30.0), st.floats(0.01, 1.0), st.floats(15.0, 75.0)), min_size=1))
+def test_what_is_written_is_read_to_the_bit(tmp_path_factory, rows):
+    text = "distance_m,motor_ratio,hood_deg\n" + "".join(f"{d!r},{r!r},{h!r}\n" for d, r, h in rows)
+    file = written(tmp_path_factory.mktemp("plan") / "p.csv", text)
+    assert [(row.distance_m, row.motor_ratio, row.hood_deg) for row in load_plan(file, CONFIG)] == rows
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("distance_m,motor_ratio\n5,0.5\n", r"p\.csv:1: columns hood_deg are missing; a plan has them"),
+    ("", r"p\.csv:1: columns distance_m, motor_ratio, hood_deg are missing"),
+    ("distance_m,motor_ratio,hood_deg\n", "no rows"),
+    ("distance_m,motor_ratio,hood_deg\n5,0.5,45\n5,1.01,45\n", r"p\.csv:3: motor_ratio: 1\.01 is out of the .*0 to 1"),
+    ("distance_m,motor_ratio,hood_deg\n5,0.5,14\n", r"p\.csv:2: hood_deg: 14 is out of the .*15 to 75"),
+    ("distance_m,motor_ratio,hood_deg\n5,0,45\n", "motor_ratio: 0 is out"),
+    ("distance_m,motor_ratio,hood_deg\n5,nan,45\n", "motor_ratio: 'nan' is not a number"),
+    ("distance_m,motor_ratio,hood_deg\ninf,0.5,45\n", "distance_m: inf is out"),
+    ("distance_m,motor_ratio,hood_deg\n5,,45\n", "motor_ratio: '' is not a number"),
+    ("distance_m,motor_ratio,hood_deg\n5,0.5\n", "hood_deg: '' is not a number"),
+    ("distance_m,motor_ratio,hood_deg\n" + "5,2,45\n" * 9, "and 4 more"),
+])
+def test_a_row_that_cannot_be_is_named(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        load_plan(written(tmp_path / "p.csv", text), CONFIG)
+
+
+@pytest.mark.parametrize("verb", [["emulate", "--out", "s"], ["run", "--config", str(SHIPPED)]])
+def test_the_verbs_refuse_it_with_exit_code_2_and_leave_nothing(verb, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path / "p.csv", "distance_m,motor_ratio,hood_deg\n5,0.5,80\n")
+    assert main([*verb, "--plan", "p.csv"]) == 2
+    assert "p.csv:2: hood_deg: 80" in capsys.readouterr().err
+    assert main([*verb, "--plan", "nowhere.csv"]) == 2
+    assert "nowhere.csv" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["p.csv"]
+
+
+@pytest.mark.parametrize("words", [[], ["--trials", "5"], ["--repeats", "0"]])
+def test_how_many_must_be_possible(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path / "p.csv", "distance_m,motor_ratio,hood_deg\n5,0.5,45\n")
+    plan = ["--plan", "p.csv"] if words else []
+    assert main(["emulate", "--out", "s", *plan, *words, "--quiet"]) == 2
+    assert "--trials" in (said := capsys.readouterr().err) or "--repeats" in said
+    assert not (tmp_path / "s").exists()
+
+
+PLANNED = with_plan(CONFIG, ROWS, repeats=2)
+
+
+def aim_at(trial, config=PLANNED):
+    memory = replace(good_memory(), trial=trial, aim=None)
+    return aim(estimate(good_inputs(), memory, config), memory, config)
+
+
+def test_each_row_is_shot_as_often_as_asked_and_marks_walk_nothing():
+    assert (aim_at(0).motor_ratio, aim_at(0).hood_deg, aim_at(0).source) == (0.5, HOOD_DEG, "plan")
+    assert aim_at(1) == aim_at(0)
+    assert (aim_at(2).motor_ratio, aim_at(2).hood_deg) == (0.625, 33.0)
+    assert aim_at(4).source == "idle"
+    assert [config_id(trial, PLANNED.collect) for trial in range(4)] == ["c0000", "c0000", "c0001", "c0001"]
+    shot = Shot(0, 0, "c", 8.0, 0.02, 45.0, 0.5, 300.0, 12.0, None, None, None)
+    assert step_walk((0.1, 0.0, 0.0), -1, shot, PLANNED) == (0.1, 0.0, 0.0)
+    assert step_walk((0.1, 0.0, 0.0), -1, shot, CONFIG) != (0.1, 0.0, 0.0)

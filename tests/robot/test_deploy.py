@@ -6,7 +6,6 @@ import shutil
 import stat
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -18,29 +17,14 @@ from tests.robot.gate.test_model import build
 from tests.robot.good_tick import CONFIG
 from truearc import robot
 from truearc.cli.common import SHIPPED
-from truearc.cli.deploy import make_commands
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.devices.family import Axis
+from truearc.robot import deploy
 from truearc.robot.config.schema import Config, RecordingConfig, load_config, parse_toml
-from truearc.robot.deploy import (
-    INSTALL,
-    LINK,
-    NETWORK,
-    PROGRAM,
-    RECORDING,
-    RULES,
-    UNIT,
-    Parts,
-    copy_folder,
-    make_config,
-    make_files,
-    make_parts,
-    make_rules,
-)
 from truearc.robot.sysid import HOME
 
-PARTS = Parts(True, True, False, 3, 50, "", "2341:8036", 5.0)
+PARTS = deploy.Parts(True, True, False, 3, 50, "", "2341:8036", 5.0)
 PLUGIN = Path(robot.__file__).parents[1] / "examples" / "truearc-samplemotor"
 needs_shell = pytest.mark.skipif(sys.platform == "win32", reason="the robot's computer has a POSIX shell")
 
@@ -57,11 +41,11 @@ def sections(text):
 
 
 def verify(tmp_path, text):
-    path = tmp_path / UNIT
+    path = tmp_path / deploy.UNIT
     said = subprocess.run(["systemd-analyze", "--version"], capture_output=True, text=True, check=True).stdout
     if int(said.split()[1]) < 254:                # as install.sh does
         text = text.replace("RestartSteps=5\nRestartMaxDelaySec=10\n", "")
-    path.write_text(text.replace(PROGRAM, shutil.which("true")))      # the program itself is not installed here
+    path.write_text(text.replace(deploy.PROGRAM, shutil.which("true")))      # the program itself is not installed here
     done = subprocess.run(["systemd-analyze", "verify", str(path)], capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
 
@@ -70,46 +54,42 @@ def verify(tmp_path, text):
 @pytest.mark.parametrize("config", [CONFIG, with_can(channel="can-launch"), with_can(interface="slcan")],
                          ids=["can0", "can-launch", "slcan"])
 def test_systemd_accepts_the_unit(tmp_path, config):
-    assert verify(tmp_path, make_files(config, PARTS)[UNIT]) == (0, "")
+    assert verify(tmp_path, deploy.make_files(config, PARTS)[deploy.UNIT]) == (0, "")
 
 
 def test_the_unit_restarts_watches_and_is_real_time():
-    service = sections(make_files(CONFIG, PARTS)[UNIT])["Service"]
-    assert service["ExecStart"] == (f"{PROGRAM} run --config /etc/truearc/launcher.toml --gate /etc/truearc/gate.onnx "
-                                    "--out /var/lib/truearc/sessions --priority 50 --core 3")
-    assert sections(make_files(CONFIG, PARTS)[UNIT])["Unit"]["StartLimitIntervalSec"] == "0"
+    service = sections(deploy.make_files(CONFIG, PARTS)[deploy.UNIT])["Service"]
+    assert service["ExecStart"] == (f"{deploy.PROGRAM} run --config /etc/truearc/launcher.toml --gate "
+                                    "/etc/truearc/gate.onnx --out /var/lib/truearc/sessions --priority 50 --core 3")
+    assert sections(deploy.make_files(CONFIG, PARTS)[deploy.UNIT])["Unit"]["StartLimitIntervalSec"] == "0"
     for key, value in {"Type": "notify", "WatchdogSec": "1", "Restart": "always", "CPUSchedulingPolicy": "fifo",
                        "RestartSec": "0.5", "RestartSteps": "5", "RestartMaxDelaySec": "10", "MemoryMax": "700M",
                        "CPUSchedulingPriority": "50", "LimitRTPRIO": "60", "LimitMEMLOCK": "infinity"}.items():
         assert service[key] == value
-    assert " --core" not in make_files(CONFIG, replace(PARTS, core=None))[UNIT]
+    assert " --core" not in deploy.make_files(CONFIG, replace(PARTS, core=None))[deploy.UNIT]
 
 
-def test_can_comes_up_as_configured():
-    files = make_files(with_can(bitrate=500_000), PARTS)
-    network, link = sections(files[NETWORK]), sections(files[LINK])
+def test_can_comes_up_as_configured_by_name_and_serial_number():
+    files = deploy.make_files(with_can(bitrate=500_000), PARTS)
+    network, link = sections(files[deploy.NETWORK]), sections(files[deploy.LINK])
     assert network["Match"]["Name"] == "can0" and dict(network["CAN"]) == {"BitRate": "500000", "RestartSec": "100ms"}
     assert link["Link"]["TransmitQueueLength"] == "64" and link["Match"]["OriginalName"] == "can0"
-
-
-def test_an_adapter_with_a_serial_number_gets_the_configured_name():
     config = with_can(channel="canlaunch")
-    link = sections(make_files(config, make_parts(config, replace(PARTS, can_serial="00350042")))[LINK])
+    parts = deploy.make_parts(config, replace(PARTS, can_serial="00350042"))
+    link = sections(deploy.make_files(config, parts)[deploy.LINK])
     assert link["Match"]["Property"] == "ID_SERIAL_SHORT=00350042" and link["Link"]["Name"] == "canlaunch"
-
-
-def test_a_serial_adapter_needs_no_network_files():
-    files = make_files(with_can(interface="slcan", channel="/dev/ttyACM0"), PARTS)
-    assert set(files) == {UNIT, RULES, INSTALL} and "networkd" not in files[INSTALL]
+    files = deploy.make_files(with_can(interface="slcan", channel="/dev/ttyACM0"), PARTS)
+    assert set(files) == {deploy.UNIT, deploy.RULES, deploy.INSTALL} and "networkd" not in files[deploy.INSTALL]
 
 
 def test_devices_get_lasting_names_and_a_fixed_exposure():
-    box, camera = make_rules(CONFIG, PARTS).splitlines()
+    box, camera = deploy.make_rules(CONFIG, PARTS).splitlines()
     assert 'ATTRS{idVendor}=="2341", ATTRS{idProduct}=="8036", SYMLINK+="buttonbox"' in box
     assert 'KERNEL=="video0"' in camera and "exposure_time_absolute=50" in camera      # 5 ms in 0.1 ms
     by_path = replace(CONFIG, camera=replace(CONFIG.camera, device="/dev/v4l/by-path/usb-0:1:1.0-video-index0"))
-    assert 'SYMLINK=="v4l/by-path/usb-0:1:1.0-video-index0"' in make_rules(by_path, make_parts(by_path, PARTS))
-    assert make_rules(CONFIG, replace(PARTS, box_usb="", exposure_ms=None)) == ""
+    rules = deploy.make_rules(by_path, deploy.make_parts(by_path, PARTS))
+    assert 'SYMLINK=="v4l/by-path/usb-0:1:1.0-video-index0"' in rules
+    assert deploy.make_rules(CONFIG, replace(PARTS, box_usb="", exposure_ms=None)) == ""
 
 
 @pytest.mark.parametrize(("config", "changes", "words"), [
@@ -127,7 +107,7 @@ def test_devices_get_lasting_names_and_a_fixed_exposure():
 ])
 def test_what_cannot_be_is_named(config, changes, words):
     with pytest.raises(InputError, match=words):
-        make_parts(config, replace(PARTS, **changes))
+        deploy.make_parts(config, replace(PARTS, **changes))
 
 
 class Computer:
@@ -145,7 +125,7 @@ class Computer:
         self.put("systemd-run", "exit ${DOCTOR:-0}")
         self.put("python3", f'mkdir -p "$3/bin" && cp {self.bin}/pip-python "$3/bin/python"')
         self.put("pip-python", "exit ${PIP:-0}")
-        for name, text in make_files(CONFIG, PARTS).items():
+        for name, text in deploy.make_files(CONFIG, PARTS).items():
             (stage / name).write_text(text.replace(HOME, str(folder / "opt")))
         for name in ("wheels/truearc-0.1.0-py3-none-any.whl", "launcher.toml"):
             (stage / name).touch()
@@ -158,8 +138,8 @@ class Computer:
 
     def install(self, **settings):
         path = f"{self.bin}{os.pathsep}{os.environ['PATH']}"
-        done = subprocess.run(["sh", str(self.stage / INSTALL)], env={"PATH": path} | settings, capture_output=True,
-                              text=True, check=False)
+        done = subprocess.run(["sh", str(self.stage / deploy.INSTALL)], env={"PATH": path} | settings,
+                              capture_output=True, text=True, check=False)
         self.said = done.stdout
         return done.returncode, done.stderr, self.log.read_text().splitlines()
 
@@ -173,7 +153,7 @@ def test_the_script_stops_installs_asks_the_doctor_and_starts(tmp_path):
     code, err, log = Computer(tmp_path).install()
     assert code == 0 and err == ""
     order = ["systemctl stop truearc", "useradd", "python3 -m venv", "pip-python -m pip install",
-             "install -m 644 launcher.toml", f"install -D -m 644 {UNIT}", f"install -D -m 644 {RULES}",
+             "install -m 644 launcher.toml", f"install -D -m 644 {deploy.UNIT}", f"install -D -m 644 {deploy.RULES}",
              "udevadm control --reload", "systemctl restart systemd-networkd", "systemctl daemon-reload",
              "systemctl enable --quiet truearc", "systemd-run", "systemctl restart --no-block truearc"]
     assert [place(log, start) for start in order] == sorted(place(log, start) for start in order)
@@ -200,7 +180,7 @@ def test_a_step_that_fails_ends_it_and_says_that_the_robot_is_stopped(tmp_path):
 def test_a_systemd_without_back_off_is_named_and_not_told_of_it(tmp_path, version, backs_off):
     computer = Computer(tmp_path)
     code, _, _ = computer.install(SYSTEMD=version)
-    unit = (computer.stage / UNIT).read_text()
+    unit = (computer.stage / deploy.UNIT).read_text()
     assert code == 0 and ("RestartSteps" in unit, "RestartMaxDelaySec" in unit) == (backs_off, backs_off)
     assert "RestartSec=0.5\n" in unit and ("starts again in 0.5 s" in computer.said) != backs_off
 
@@ -208,29 +188,20 @@ def test_a_systemd_without_back_off_is_named_and_not_told_of_it(tmp_path, versio
 @pytest.mark.parametrize("own", ["[recording]\n", "[recording]\nkeep_gb = 2.0\n"])
 def test_a_recording_section_of_ones_own_stays_as_it_is(own):
     text = SHIPPED.read_text() + own
-    assert make_config(text, parse_toml(text, Config, "a")) == text
+    assert deploy.make_config(text, parse_toml(text, Config, "a")) == text
 
 
 @needs_shell
-def test_with_wheels_for_everything_no_network_is_asked(tmp_path):
+def test_plugins_come_with_the_program_and_wheels_for_all_need_no_network(tmp_path):
     computer = Computer(tmp_path)
     (computer.stage / "wheels" / "numpy-2.4.6-cp311.whl").touch()
-    _, _, log = computer.install()
-    assert all("--no-index" in row for row in log if "pip install" in row) and sum("pip install" in r for r in log) == 2
-
-
-@needs_shell
-def test_plugins_are_installed_with_the_program(tmp_path):
-    computer = Computer(tmp_path)
     (computer.stage / "plugins").mkdir()
     for name in ("one", "two"):
         (computer.stage / "plugins" / f"{name}-1-py3-none-any.whl").touch()
     _, _, log = computer.install()
     pips = [row for row in log if "pip install" in row]
-    assert len(pips) == 2
-    for row in pips:
-        assert row.endswith("wheels/truearc-0.1.0-py3-none-any.whl plugins/one-1-py3-none-any.whl "
-                            "plugins/two-1-py3-none-any.whl")
+    wheels = ("wheels/truearc-0.1.0-py3-none-any.whl", *(f"plugins/{one}-1-py3-none-any.whl" for one in ("one", "two")))
+    assert len(pips) == 2 and all("--no-index" in row and row.endswith(" ".join(wheels)) for row in pips)
 
 
 def test_a_plugin_is_built_without_what_was_built_before_and_a_wheel_taken_as_it_is(tmp_path, monkeypatch):
@@ -253,22 +224,14 @@ def test_a_plugin_is_built_without_what_was_built_before_and_a_wheel_taken_as_it
     assert [Path(command[-2]).name for command in wheels] == ["wheels", "plugins", "plugins"]
 
 
-def test_the_built_plugin_holds_its_driver(tmp_path):
-    source = copy_folder(PLUGIN, tmp_path / "plugin-0")
-    _, build_plugin, *_ = make_commands("launcher", str(tmp_path), "", [source])
-    subprocess.run([*build_plugin[:5], "--no-build-isolation", "--no-index", *build_plugin[5:]], check=True)
-    wheel, = (tmp_path / "plugins").iterdir()
-    assert "truearc_samplemotor/samplemotor.dbc" in zipfile.ZipFile(wheel).namelist()
-
-
 def test_a_driver_of_another_distribution_needs_a_plugin():
     class Foreign(Axis, Struct, frozen=True, tag_field="driver", tag="foreign"):
         pass
 
     config = replace(CONFIG, axes=replace(CONFIG.axes, feeder=Foreign()))
     with pytest.raises(InputError, match="feeder motor: driver 'foreign' is of another distribution; --plugin"):
-        make_parts(config, PARTS)
-    assert make_parts(config, replace(PARTS, has_plugins=True)).has_plugins
+        deploy.make_parts(config, PARTS)
+    assert deploy.make_parts(config, replace(PARTS, has_plugins=True)).has_plugins
 
 
 def test_a_dry_run_prints_every_command_and_file_and_does_nothing(tmp_path, monkeypatch, capsys):
@@ -291,10 +254,11 @@ def test_the_staged_folder_is_carried_over_and_a_failing_command_ends_it(tmp_pat
         ran.append(command)
         if command[0] == "scp":
             stage = Path(command[3])
-            assert (stage / "launcher.toml").read_bytes() == (SHIPPED.read_text().rstrip() + "\n" + RECORDING).encode()
+            text = SHIPPED.read_text().rstrip() + "\n" + deploy.RECORDING
+            assert (stage / "launcher.toml").read_bytes() == text.encode()
             assert load_config(stage / "launcher.toml").recording == RecordingConfig(8.0, 120.0)
-            assert (stage / "wheels" / "numpy-1.whl").read_bytes() == b"wheel" and (stage / UNIT).exists()
-            assert b"\r" not in (stage / INSTALL).read_bytes()
+            assert (stage / "wheels" / "numpy-1.whl").read_bytes() == b"wheel" and (stage / deploy.UNIT).exists()
+            assert b"\r" not in (stage / deploy.INSTALL).read_bytes()
         return subprocess.CompletedProcess(command, 1 if command[0] == "ssh" and "sudo" in command[-1] else 0)
 
     monkeypatch.setattr(truearc.cli.deploy.subprocess, "run", run)

@@ -16,26 +16,22 @@ from msgspec.structs import replace
 
 from tests.hw.family_checks import CHECKS, check_frames, codec_of
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
-from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
+from tests.robot.test_rig import ASKED, Time, Wire, rig_on
 from tools.pages import reasons_page
 from truearc import robot
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
 from truearc.hw.devices import registry
 from truearc.hw.devices.family import Bounds
-from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot.config.schema import Config, config_hash, load_config
 from truearc.robot.estimate import estimate
-from truearc.robot.eyes import InlineEyes
 from truearc.robot.motors import guard
 from truearc.robot.operator_ui.view import Told, tell
-from truearc.robot.reasons import BAD_FRAME, IMAGE_DARK, MOTOR_ERROR, NOT_ARMED, text
+from truearc.robot.reasons import BAD_FRAME, NOT_ARMED, text
 from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import CAN, load_session_config
-from truearc.robot.rig import HardwareRig
-from truearc.robot.types import Sighting
 from truearc.robot.verdict import judge
 from truearc.sim.world.emulated_robot import emulate
 
@@ -102,22 +98,9 @@ def test_the_robot_shoots_with_it_and_replays_the_recording(config: Config, tmp_
     assert replay(tmp_path / "session").ticks > 200
 
 
-@pytest.mark.parametrize(("frame", "allowed"), [
-    (Frame(0, DUTY, bytes(4)), True), (Frame(0, CLEAR, b""), True), (Frame(0, HEALTH, bytes(7), is_remote=True), True),
-    (Frame(0, DUTY, bytes(8)), False), (Frame(0, DUTY + 1, bytes(4)), False), (Frame(0, HEALTH, bytes(7)), False),
-    (Frame(0, DUTY, bytes(4), is_extended=True), False), (Frame(0, MOTION, bytes(8)), False),
-    (Frame(0, 4 << 5 | 0x0E, bytes(8)), False)])        # of the ODrive that the feeder was
-def test_only_what_it_declares_is_sent(frame: Frame, allowed: bool, config: Config) -> None:
-    wire = Wire()
-    bus = guard(wire, config, Time(), Counter())
-    assert bus.write(frame) is allowed and wire.sent == [frame] * allowed
-    assert [fault.code for fault in bus.faults()] == [FRAME_NOT_ALLOWED.name] * (not allowed)
-
-
 def test_ticks_look_for_no_plugins(config: Config, monkeypatch: pytest.MonkeyPatch) -> None:
-    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
     wire, clock = Wire(), Time()
-    rig = HardwareRig(config, guard(wire, config, clock, Counter()), Stream(), eyes, clock, lambda: False)
+    rig = rig_on(guard(wire, config, clock, Counter()), clock, config)
     monkeypatch.setattr(registry, "entry_points", lambda **group: pytest.fail("plugins were looked for"))
     for _ in range(20):
         rig.read()
@@ -143,12 +126,6 @@ def test_its_own_reason_has_its_text_wherever_reasons_are_shown(config: Config) 
     assert page.count("`samplemotor.wrong_firmware`") == 2 and "`samplemotor" not in reasons_page()
 
 
-def test_without_it_its_reason_is_shown_by_name() -> None:
-    fault = Reason("samplemotor.wrong_firmware", {"motor": "feeder motor", "firmware": 7})
-    shown = "samplemotor.wrong_firmware (motor feeder motor, firmware 7)"
-    assert text(fault) == shown and tell([fault]) == (Told(FAULT, shown, "", (shown,)),)
-
-
 def test_a_reason_that_is_not_named_after_its_driver_is_refused(installed: Path, tmp_path: Path, toml: Path,
                                                                 monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "unnamed.py").write_text(
@@ -161,22 +138,6 @@ def test_a_reason_that_is_not_named_after_its_driver_is_refused(installed: Path,
                       lambda **group: [EntryPoint("samplemotor", "unnamed:FAMILY", registry.GROUP)])
         with pytest.raises(InputError, match=r"unnamed:FAMILY: reason 'can_lost' must be named 'samplemotor\.WHAT'"):
             load_config(toml)
-
-
-def test_without_it_the_drivers_that_there_are_are_listed(toml: Path) -> None:
-    with pytest.raises(InputError, match=r"launcher\.toml:\d+: axes\.feeder\.driver: 'samplemotor' is not known here; "
-                                         "there are odrive, spark, advisory"):
-        load_config(toml)
-
-
-@pytest.mark.parametrize(("old", "new", "message"), [
-    ("rated_v = 12.0", "", r"launcher\.toml:\d+: axes\.feeder\.rated_v: missing key"),
-    ("node = 9", "node = 63", r"axes\.feeder\.node: a whole number of at most 62 is expected, got 63"),
-    ('"samplemotor"', '"samplemoter"', "; there are odrive, spark, advisory, samplemotor$")])
-def test_a_mistake_in_its_table_is_named(old: str, new: str, message: str, installed: Path, toml: Path) -> None:
-    toml.write_text(toml.read_text().replace(old, new))
-    with pytest.raises(InputError, match=message):
-        load_config(toml)
 
 
 @pytest.mark.parametrize(("points", "message"), [
@@ -195,12 +156,3 @@ def test_a_broken_distribution_is_named(points: tuple[str, ...], message: str, t
     monkeypatch.syspath_prepend(tmp_path / "site")
     with pytest.raises(InputError, match=r"launcher\.toml:\d+: axes\.feeder: " + message):
         load_config(toml)
-
-
-def test_an_error_of_its_own_has_its_text_and_message(config: Config) -> None:
-    inputs = replace(good_inputs(), feeder=replace(good_inputs().feeder, axis_error=0x2))
-    verdict = judge(inputs, estimate(inputs, good_memory(), config), good_memory().aim, good_memory(), config, None)
-    low = MOTOR_ERROR(motor="feeder motor", errors=(Reason("samplemotor.supply_low"),))
-    assert not verdict.fire and verdict.reasons == (low,)
-    shown = "feeder motor: supply low"
-    assert tell([low]) == (Told(FAULT, "Feeder motor: supply low", "battery charged?", (shown,)),)

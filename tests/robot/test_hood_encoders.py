@@ -9,22 +9,21 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from tests.hw.spinning_plant import SpinningPlant
+from tests.hw.spinning_plant import SpinningPlant, closed_after
 from tests.robot.alike import codes
-from tests.robot.encoders import COUNTING, NONE, NT4, ODRIVE, SPARK, SPARK_OWN, with_encoder
-from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
+from tests.robot.encoders import COUNTING, NONE, NT4, ODRIVE, SPARK, SPARK_OWN
+from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
 from truearc.cli.doctor_checks import look_at_bus
 from truearc.errors import InputError
 from truearc.hw.devices.family import FAILURE, OK
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import MotorReading
 from truearc.hw.real.can_bus import open_can
 from truearc.robot import reasons as because
+from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import Config, config_hash, load_config, read_axis
-from truearc.robot.hood_encoders import FAMILIES, encoder_family_of
 from truearc.robot.motion import BLIND
 from truearc.robot.motors import around_encoder, guard
 from truearc.robot.tick import step
@@ -63,14 +62,10 @@ def test_a_table_is_read_and_recorded(tmp_path: Path, table: str, config: Config
     ('driver = "magnet"', 0.6, r":\d+: hood_encoder\.driver: 'magnet' is not known here; there are canandmag, spark, "
      "motor, none, nt4$"),
     ('driver = "none"\ndevice = 5', 0.6, r":\d+: hood_encoder\.device: unknown key$"),
-    ('driver = "spark"\ndevise = 7\nperiod_ms = 10\nzero_deg = 40.0\ndirection = 1', 0.6,
-     r":\d+: hood_encoder\.devise: unknown key; did you mean device\?"),
     ('driver = "spark"\ndevice = 7', 0.6, "keys are missing: hood_encoder.period_ms, hood_encoder.zero_deg, "
      "hood_encoder.direction$"),
     ('driver = "motor"\ngear = 1.0\n[hood_encoder.controller]\ndriver = "odrive"\nnod = 6\ndirection = 1\n'
      'endstop_endpoint = 0', 0.6, r":\d+: hood_encoder\.controller\.nod: unknown key; did you mean node\?"),
-    ('driver = "motor"\ngear = 1.0\n[hood_encoder.controller]\ndriver = "odrivel"', 0.6,
-     r":\d+: hood_encoder\.controller\.driver: 'odrivel' is not known here; there are odrive, spark"),
     ('driver = "motor"\ngear = 1.0\n[hood_encoder.controller]\ndriver = "odrive"\nnode = 3\ndirection = 1\n'
      'endstop_endpoint = 0', 0.6, r"hood_encoder\.controller\.node: 3 is that of axes\.hood, too"),
     ('driver = "nt4"\nkey = "/a"\nunit = "deg"\nzero_deg = 0.0\ndirection = 1', 0.6,
@@ -83,12 +78,6 @@ def test_a_table_is_read_and_recorded(tmp_path: Path, table: str, config: Config
 def test_a_wrong_table_is_refused_by_key(tmp_path: Path, table: str, sigma_deg: float, message: str) -> None:
     with pytest.raises(InputError, match=message):
         load(tmp_path, table, sigma_deg)
-
-
-def test_every_family_has_an_example_of_its_own_and_none_knows_least() -> None:
-    for family in FAMILIES:
-        assert isinstance(family.example, family.table) and encoder_family_of(family.example) is family
-    assert max(FAMILIES, key=lambda family: family.least_sigma_deg).driver == "none"
 
 
 class Bench:
@@ -112,17 +101,7 @@ class Bench:
         self.far.close()
 
 
-@pytest.fixture
-def bench():
-    benches = []
-
-    def make(config: Config) -> Bench:
-        benches.append(Bench(config))
-        return benches[-1]
-
-    yield make
-    for one in benches:
-        one.close()
+bench = closed_after(Bench)
 
 
 @pytest.mark.parametrize("name", ["canandmag", "spark", "spark-own", "odrive", "counting"])
@@ -219,12 +198,6 @@ def test_a_motor_that_is_silent_has_lost_its_count_and_is_not_driven_home() -> N
     assert tick.command.hood_torque_nm == 0.0
 
 
-@pytest.mark.parametrize("config", [NONE, CONFIG], ids=["none", "canandmag"])
-def test_only_without_an_encoder_is_the_count_kept(config: Config) -> None:
-    tick = step(good_inputs(), replace(good_memory(), count=Memory().count), config, None)
-    assert ("count" in msgspec.to_builtins(tick.memory)) is (config is NONE)
-
-
 # --- an encoder that homing zeroes
 
 def test_a_counting_encoder_is_zeroed_at_the_switch_and_then_checked() -> None:
@@ -262,10 +235,3 @@ def test_a_sparks_reset_and_lock_are_about_driving_and_its_faults_about_the_angl
     encoder = encoder_family_of(table).make(table, around_encoder(CONFIG))
     encoder._motor.reading = MotorReading(t_ns=5, axis_error=bits)
     assert encoder.read(9).magnet_ok is not bool(bits & spark.FAULTS)
-
-
-def test_an_encoder_gear_is_turns_of_it_per_turn_of_the_hood() -> None:
-    table = with_encoder(replace(ODRIVE.hood_encoder, gear=4.0, controller=OdriveConfig(6, 1, 0))).hood_encoder
-    encoder = encoder_family_of(table).make(table, around_encoder(CONFIG))
-    encoder._motor.reading = replace(encoder._motor.reading, t_ns=5, position_rad=4.0 * math.radians(HOOD_DEG))
-    assert encoder.read(9).angle_rad == pytest.approx(math.radians(HOOD_DEG))

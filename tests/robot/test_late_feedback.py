@@ -8,11 +8,11 @@ from collections import Counter, deque
 import pytest
 from msgspec.structs import replace
 
-from tests.hw.spinning_plant import SpinningPlant
+from tests.hw.spinning_plant import SpinningPlant, closed_after
 from tests.robot.encoders import COUNTING, SPARK_OWN
 from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import ALL_SPARK
-from tests.robot.test_rig import Blind, Stream
+from tests.robot.test_rig import rig_on
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.canandmag import CanandmagNode
 from truearc.hw.devices.drivers import LATE_NS, SILENT_NS, RoundTrip
@@ -21,12 +21,9 @@ from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.robot.config.schema import Config
-from truearc.robot.eyes import InlineEyes
 from truearc.robot.motors import guard
-from truearc.robot.reasons import IMAGE_DARK
-from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
-from truearc.robot.types import Command, Memory, Sighting
+from truearc.robot.types import Command, Memory
 from truearc.sim.world.emulated_robot import make_nodes
 
 LATE_MS = 200
@@ -62,8 +59,7 @@ class Robot:
         self.nodes = make_nodes(config, self.plant)
         self.clock = StepClock(lambda t_ns: self.twin.advance(t_ns))
         if wire == "slcan":
-            from truearc.hw.emulated.pty_cable import PtyCable
-            from truearc.hw.emulated.serial_link import SlcanAdapter
+            from truearc.hw.emulated.serial_link import PtyCable, SlcanAdapter
             self.far = SlcanAdapter(PtyCable())
             self.near = open_can("slcan", self.far.port, 1_000_000, self.clock)
         else:
@@ -71,9 +67,7 @@ class Robot:
             self.near, self.far = (open_can("virtual", channel, 1_000_000, self.clock) for _ in range(2))
         self.twin = Twin(self.plant, self.far, (*self.nodes.values(), *(make(self.plant) for make in extra)))
         self.late = LateBus(self.near, self.clock)
-        eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
-        self.rig = HardwareRig(config, guard(self.late, config, self.clock, self.tally), Stream(), eyes, self.clock,
-                               lambda: False)
+        self.rig = rig_on(guard(self.late, config, self.clock, self.tally), self.clock, config)
         self.torques = []
 
     def run(self, seconds: float, command: Command):
@@ -84,28 +78,18 @@ class Robot:
             self.torques += [node.torque_nm() for node in self.nodes.values() if node.motor is not None]
         return self.inputs
 
+    def close(self) -> None:
+        self.near.close()
+        self.far.close()
+
     def faults(self, code) -> list[str]:
         return [fault.params["motor"] for fault in self.inputs.faults if fault.code == code.name]
 
 
-@pytest.fixture
-def make():
-    robots = []
-
-    def build(*args, **kwargs) -> Robot:
-        robots.append(Robot(*args, **kwargs))
-        return robots[-1]
-
-    yield build
-    for robot in robots:
-        robot.near.close()
-        robot.far.close()
+make = closed_after(Robot)
 
 
-def named(config: Config) -> set[str]:
-    return {"flywheel motor 1", "flywheel motor 2", "hood motor", "feeder motor", "hood encoder"}
-
-
+NAMED = {"flywheel motor 1", "flywheel motor 2", "hood motor", "feeder motor", "hood encoder"}
 WIRES = ["virtual", pytest.param("slcan", marks=pytest.mark.skipif(os.name != "posix", reason="a pseudo-terminal"))]
 
 
@@ -118,8 +102,8 @@ def test_feedback_that_is_late_from_the_start_drives_nothing_and_says_so(make, w
         inputs = robot.run(seconds, ASKED)
         verdict = step(inputs, Memory(armed=True, homed=True), robot.config, None).verdict
         assert not verdict.fire and {fault.params["motor"] for fault in inputs.faults
-                                     if "motor" in fault.params} == named(robot.config)
-    assert set(robot.faults(hw.FEEDBACK_LATE)) == named(robot.config)
+                                     if "motor" in fault.params} == NAMED
+    assert set(robot.faults(hw.FEEDBACK_LATE)) == NAMED
     late_s = [fault.params["delay_s"] for fault in verdict.reasons if fault.code == hw.FEEDBACK_LATE.name]
     most_ms = LATE_MS + (15 if wire == "virtual" else 120)  # the serial adapter's own answers take their time
     assert len(late_s) == 5 and all(LATE_MS <= 1e3 * delay_s <= most_ms for delay_s in late_s)
@@ -135,7 +119,7 @@ def test_feedback_that_becomes_late_is_named_within_two_seconds(make, name) -> N
     assert not [fault for fault in inputs.faults if "motor" in fault.params] and robot.sent.flywheel_torque_nm > 0.0
     robot.late.late_ns = LATE_MS * MS
     robot.run(1.7, ASKED)                                  # a second or more to the next question, and two answers
-    assert set(robot.faults(hw.FEEDBACK_LATE)) == named(robot.config) and robot.sent.flywheel_torque_nm == 0.0
+    assert set(robot.faults(hw.FEEDBACK_LATE)) == NAMED and robot.sent.flywheel_torque_nm == 0.0
     robot.torques.clear()
     robot.run(1.0, ASKED)
     assert max(robot.torques) <= 0.0                       # the hood's SPARK brakes it
@@ -209,7 +193,7 @@ def test_one_that_no_longer_answers_is_named() -> None:
     assert trip.fault() is None
 
 
-def test_an_answer_that_waited_for_ticks_that_stood_still_measures_nothing() -> None:
+def test_answers_that_waited_or_were_not_asked_for_measure_nothing() -> None:
     trip = RoundTrip("it")
     trip.tick(MS)
     trip.asked()
@@ -219,6 +203,8 @@ def test_an_answer_that_waited_for_ticks_that_stood_still_measures_nothing() -> 
     assert trip.answered(1300 * MS) == 0 and trip.fault() is None and trip.late_ns == 5 * MS
     trip.tick(1700 * MS)
     assert trip.is_due                                     # asked again without waiting a second
+    trip = RoundTrip("it")
+    assert trip.answered(1) == 0 and trip.fault() == hw.FEEDBACK_UNMEASURED(controller="it")
 
 
 def test_what_was_held_up_once_is_asked_again_and_does_not_count() -> None:
@@ -237,11 +223,6 @@ def test_what_was_held_up_once_is_asked_again_and_does_not_count() -> None:
     trip.asked()
     trip.answered(2279 * MS)
     assert trip.late_ns == 5 * MS and trip.fault() is None
-
-
-def test_an_answer_before_any_question_is_someone_elses_and_measures_nothing() -> None:
-    trip = RoundTrip("it")
-    assert trip.answered(1) == 0 and trip.fault() == hw.FEEDBACK_UNMEASURED(controller="it")
 
 
 # --- letting go

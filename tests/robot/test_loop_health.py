@@ -1,6 +1,5 @@
 """Lateness of ticks, and what the service's watchdog is told."""
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,29 +8,12 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs
 from tests.robot.test_rig import bench  # noqa: F401
 from truearc.robot.reasons import BOX_SILENT, IMAGE_DARK
-from truearc.robot.recording.session import LATENESS, make_header
-from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import AT_MOST_US, Lateness, TimedRig, WatchedRig, first_missing
 from truearc.robot.types import Command, Sent, Sighting
 
 PERIOD_NS = 5_000_000
 IDLE = Command(False, False, False, 0.0, 0.0, 0.0)
 SEEN = Sighting(NOW_NS - 50_000_000, False, IMAGE_DARK())
-
-
-def test_each_second_is_a_row_of_its_own_and_all_are_told_at_the_end():
-    seconds = []
-    lateness = Lateness(seconds.append, PERIOD_NS)
-    for tick in range(400):
-        lateness.note(tick * PERIOD_NS, {150: 7_000_000, 250: 60_000}.get(tick, 20_000))
-    lateness.close()
-    lateness.close()                                      # nothing new: nothing more
-    assert [sum(second.counts) for second in seconds] == [200, 200]
-    assert [second.worst_us for second in seconds] == [7000.0, 60.0]
-    assert seconds[0].counts == (199, 0, 0, 0, 0, 0, 0, 1, 0, 0) and seconds[1].counts[:2] == (199, 1)
-    assert lateness.lines()[0] == ("ticks came late by at most 0.05 ms (half of them), 0.05 ms (99 of 100), 7.00 ms "
-                                   "(all); 1 of 400 by a whole tick or more")
-    assert [line.split()[2:4] for line in lateness.lines()[1:]] == [["ms", "398"], ["ms", "1"], ["ms", "1"]]
 
 
 @given(late_ns=st.lists(st.integers(0, 10**11), min_size=1))
@@ -47,10 +29,22 @@ def test_every_tick_is_counted_once_where_it_belongs(late_ns):
     assert max(second.worst_us for second in seconds) == max(late_ns) / 1000
 
 
-def test_nothing_is_told_of_no_ticks():
+def test_each_second_is_a_row_of_its_own_and_all_are_told_at_the_end():
     lateness = Lateness([].append, PERIOD_NS)
     lateness.close()
     assert lateness.lines() == []
+    seconds = []
+    lateness = Lateness(seconds.append, PERIOD_NS)
+    for tick in range(400):
+        lateness.note(tick * PERIOD_NS, {150: 7_000_000, 250: 60_000}.get(tick, 20_000))
+    lateness.close()
+    lateness.close()                                      # nothing new: nothing more
+    assert [sum(second.counts) for second in seconds] == [200, 200]
+    assert [second.worst_us for second in seconds] == [7000.0, 60.0]
+    assert seconds[0].counts == (199, 0, 0, 0, 0, 0, 0, 1, 0, 0) and seconds[1].counts[:2] == (199, 1)
+    assert lateness.lines()[0] == ("ticks came late by at most 0.05 ms (half of them), 0.05 ms (99 of 100), 7.00 ms "
+                                   "(all); 1 of 400 by a whole tick or more")
+    assert [line.split()[2:4] for line in lateness.lines()[1:]] == [["ms", "398"], ["ms", "1"], ["ms", "1"]]
 
 
 def test_the_rig_knows_how_late_a_tick_came(bench):  # noqa: F811
@@ -69,17 +63,6 @@ def test_the_rig_knows_how_late_a_tick_came(bench):  # noqa: F811
     lateness.close()
     assert sum(seconds[0].counts) == 4 and seconds[0].worst_us == 7000.0
     assert timed.write(Command(False, False, False, 0.0, 0.0, 0.0)).enable_hood is False
-
-
-def test_rows_are_written_into_the_session(tmp_path):
-    writer = SessionWriter(tmp_path / "s", make_header(CONFIG, None, None), CONFIG, None, lossless=False)
-    lateness = Lateness(writer.keep_lateness, PERIOD_NS)
-    for tick in range(201):
-        lateness.note(tick * PERIOD_NS, 1000)
-    lateness.close()
-    writer.close()
-    rows = [msgspec.json.decode(line) for line in (tmp_path / "s" / LATENESS).read_bytes().splitlines()]
-    assert [sum(row["counts"]) for row in rows] == [200, 1] and rows[0]["at_most_us"] == list(AT_MOST_US)
 
 
 class Given:
@@ -107,16 +90,13 @@ def later(inputs, tick, **changes):
                    hood_angle=angle, **changes)
 
 
-def test_ready_once_and_then_alive_ten_times_a_second():
+def test_ready_once_then_alive_and_silent_where_it_does_not_write():
     said = []
     rig = WatchedRig(Given(*(later(good_inputs(), tick, sighting=SEEN) for tick in range(41))), CONFIG, said.append)
     while rig.read() is not None:
         rig.write(IDLE)
     assert said[0] == "READY=1\nSTATUS=running"
     assert said[1:] == ["WATCHDOG=1"] * 3                 # 0, 0.1 and 0.2 s: 41 ticks of 5 ms
-
-
-def test_a_loop_that_reads_but_does_not_get_to_write_falls_silent():
     said = []
     rig = WatchedRig(Given(*(later(good_inputs(), tick, sighting=SEEN) for tick in range(100))), CONFIG, said.append)
     while rig.read() is not None:
@@ -148,8 +128,5 @@ def test_what_is_missing_is_named(changes, missing):
     if changes.get("feeder") == "mute":
         changes = {"feeder": replace(inputs.feeder, heartbeat_t_ns=0)}
     assert first_missing(replace(inputs, **changes), SEEN.t_ns, CONFIG) == missing
-
-
-@pytest.mark.parametrize("seen_ns", [None, NOW_NS - 1_000_000_000, NOW_NS + 1])
-def test_an_image_that_is_absent_old_or_from_the_future_is_no_image(seen_ns):
-    assert first_missing(good_inputs(), seen_ns, CONFIG) == "camera"
+    for seen_ns in (None, NOW_NS - 1_000_000_000, NOW_NS + 1):            # no image, an old one, one from the future
+        assert first_missing(good_inputs(), seen_ns, CONFIG) == "camera"

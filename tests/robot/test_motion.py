@@ -1,4 +1,5 @@
-"""Interlocks of motion: the tick drives a launcher of its own, whose sensors then go wrong, and is judged on the truth.
+"""Interlocks of motion: the tick drives a launcher of its own, whose sensors then go wrong, and is judged on the truth;
+and the PID loop against closed forms.
 
 The launcher is two integrators with friction; that the emulated robot's devices and world agree is for
 tests/loops/test_motion_faults.py.
@@ -7,9 +8,13 @@ tests/loops/test_motion_faults.py.
 import math
 import random
 from collections.abc import Callable
+from copy import copy, deepcopy
+from random import Random
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from tests.robot.alike import codes
@@ -21,12 +26,13 @@ from truearc.hw.devices.odrive.frames import CLOSED_LOOP
 from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot import reasons as because
-from truearc.robot.config.schema import Config, Prescribed
+from truearc.robot.config.schema import Config, PidGains, Prescribed, config_hash
+from truearc.robot.control import step_pid
 from truearc.robot.motion import RECOVER_NS
 from truearc.robot.motors import elevation_from_screw_deg, elevation_per_rad, screw_rad, screw_travel_rad
 from truearc.robot.operator_ui.view import tell
 from truearc.robot.tick import step
-from truearc.robot.types import Inputs, Memory, Sighting, Tick
+from truearc.robot.types import Inputs, Memory, Pid, Sighting, Tick
 
 TICK_S = 0.005
 SET_RAD_S, HOOD_DEG, PLACE_M = 358.0, 45.0, 5.0
@@ -63,7 +69,9 @@ class Launcher:
             self._tick()
         return self.ticks[-1]
 
-    def arm(self) -> None:
+    def arm(self, after_s: float = 0.0) -> None:
+        if after_s:
+            self.run(after_s)
         self.press = "arm"
 
     def _tick(self) -> None:
@@ -129,14 +137,20 @@ def _turn(speed: float, torque_nm: float, friction_nm: float, inertia_kg_m2: flo
     return speed, turned
 
 
+RUN: dict[tuple[str, float], Launcher] = {}
+
+
 def running(config: Config = AIMED, hood_kg_m2: float = HOOD_KG_M2) -> Launcher:
-    """Armed, homed, at its set points."""
-    launcher = Launcher(config, hood_kg_m2)
-    launcher.run(0.2)
-    launcher.arm()
-    tick = launcher.run(6.0)
-    assert abs(launcher.wheel_rad_s - SET_RAD_S) < 5.0 and abs(launcher.hood_deg - HOOD_DEG) < 0.5
-    assert codes(tick.verdict.reasons) == ["fire_not_requested"]
+    """Armed, homed, at its set points; run up once for each configuration."""
+    key = config_hash(config), hood_kg_m2
+    if key not in RUN:
+        RUN[key] = launcher = Launcher(config, hood_kg_m2)
+        launcher.arm(after_s=0.2)
+        tick = launcher.run(6.0)
+        assert abs(launcher.wheel_rad_s - SET_RAD_S) < 5.0 and abs(launcher.hood_deg - HOOD_DEG) < 0.5
+        assert codes(tick.verdict.reasons) == ["fire_not_requested"]
+    launcher = copy(RUN[key])
+    launcher.agreements, launcher.ticks = deepcopy(launcher.agreements), [*launcher.ticks]
     return launcher
 
 
@@ -187,9 +201,9 @@ def frozen(launcher: Launcher, *names: str) -> Callable[[Inputs], Inputs]:
     return spoil
 
 
-def latched(launcher: Launcher) -> list[str]:
+def latched(launcher: Launcher, tick: Tick | None = None) -> list[str]:
     """Codes of the causes for which axes are released until they are armed again."""
-    told = [reason for reason in launcher.ticks[-1].verdict.reasons if reason.code == because.AXIS_LATCHED.name]
+    told = [one for one in (tick or launcher.ticks[-1]).verdict.reasons if one.code == because.AXIS_LATCHED.name]
     assert all(one.kind == FAULT for one in tell(told))
     return [cause.code for reason in told if isinstance(cause := reason.params["cause"], Reason)]
 
@@ -210,6 +224,54 @@ def test_stale_wheels_are_released_and_taken_up_again_with_empty_integrals() -> 
     assert abs(again.memory.flywheel.integral) < 0.01
     launcher.run(1.0)
     assert abs(launcher.wheel_rad_s - SET_RAD_S) < 5.0 and not latched(launcher)
+
+
+def test_old_errors_are_cleared_also_where_readings_are_good_long_after_arming_only() -> None:
+    launcher = Launcher()
+    cleared: list[float] = []
+
+    def spoil(inputs: Inputs) -> Inputs:
+        """Readings are old for 1.5 s; an error stands until the axis is enabled, as that clears it."""
+        if not cleared and launcher.ticks and launcher.ticks[-1].command.enable_flywheel:
+            cleared.append(launcher.t_s)
+        stamp = {} if launcher.t_s > 11.7 else {"t_ns": 9_000_000_000}
+        return wheels(axis_error=0 if cleared else 1, **stamp)(inputs)
+
+    launcher.run(0.2)
+    launcher.spoil = spoil
+    launcher.arm()
+    launcher.run(1.4)
+    assert not cleared and set(tick.command.flywheel_torque_nm for tick in launcher.ticks) == {0.0}
+    launcher.run(4.0)
+    assert cleared and abs(launcher.wheel_rad_s - SET_RAD_S) < 5.0 and not latched(launcher)
+
+
+@pytest.mark.parametrize("wait_s", [0.5, 1.5])
+def test_wheels_that_coast_are_armed_again_at_a_lower_set_point(wait_s: float) -> None:
+    launcher = running()
+    launcher.arm()
+    launcher.run(wait_s)
+    lower = replace(ROW, motor_ratio=ROW.motor_ratio * 0.6)
+    launcher.config = replace(AIMED, collect=replace(AIMED.collect, prescribed=(lower,)))
+    launcher.arm()
+    launcher.run(1.0)
+    assert launcher.memory.armed and not latched(launcher) and launcher.wheel_rad_s > 0.7 * SET_RAD_S
+
+
+@pytest.mark.parametrize("turned_rad_s", [0.0, 15.0])
+def test_noise_without_a_set_point_is_no_overspeed(turned_rad_s: float) -> None:
+    launcher, random = Launcher(), Random(1)
+    launcher.seen = False
+    launcher.spoil = lambda inputs: replace(inputs, flywheels=tuple(
+        replace(one, velocity_rad_s=one.velocity_rad_s + random.gauss(0.0, 0.3)) for one in inputs.flywheels))
+    launcher.run(0.2)
+    launcher.arm()
+    launcher.run(1.0)
+    launcher.wheel_rad_s = turned_rad_s
+    launcher.run(1.0)
+    launcher.seen = True
+    launcher.run(6.0)
+    assert not latched(launcher) and abs(launcher.wheel_rad_s - SET_RAD_S) < 5.0
 
 
 def test_three_releases_in_ten_seconds_latch_and_those_in_a_stall_do_not_count() -> None:
@@ -235,20 +297,17 @@ def test_a_bus_that_cannot_be_trusted_releases_every_axis_at_once(fault: Reason)
 
 # --- wheels
 
-@pytest.mark.parametrize(("name", "limit_s", "code"), [
-    ("zero", 0.08, "speed_jumped"), ("reversed", 0.08, "speed_jumped"), ("swapped", 0.08, "speed_jumped")])
-def test_a_jump_under_torque_releases_within_80_ms(name: str, limit_s: float, code: str) -> None:
+@pytest.mark.parametrize("rad_s", [0.0, -SET_RAD_S, 3.6e-41], ids=["zero", "reversed", "swapped"])
+def test_a_jump_under_torque_releases_within_80_ms(rad_s: float) -> None:
     launcher = running()
-    values = {"zero": 0.0, "reversed": -launcher.wheel_rad_s, "swapped": 3.6e-41}
-    launcher.spoil = wheels(velocity_rad_s=values[name])
-    assert released_after_s(launcher, "flywheel") <= limit_s and code in latched(launcher)
+    launcher.spoil = wheels(velocity_rad_s=rad_s)
+    assert released_after_s(launcher, "flywheel") <= 0.08 and "speed_jumped" in latched(launcher)
     assert launcher.wheel_rad_s <= 1.15 * SET_RAD_S
 
 
 def test_wheels_that_freeze_under_torque_are_released_within_80_ms() -> None:
     launcher = Launcher()
-    launcher.run(0.2)
-    launcher.arm()
+    launcher.arm(after_s=0.2)
     launcher.run(0.3)
     assert 100.0 < launcher.wheel_rad_s < 300.0
     launcher.spoil = frozen(launcher, "flywheels")
@@ -266,25 +325,17 @@ def test_wheels_that_freeze_under_torque_are_released_within_80_ms() -> None:
 def test_wrong_speeds_since_rest_release_within_250_ms(spoil: Callable[[Inputs], Inputs], code: str) -> None:
     launcher = Launcher()
     launcher.spoil = spoil
-    launcher.run(0.2)
-    launcher.arm()
+    launcher.arm(after_s=0.2)
     assert released_after_s(launcher, "flywheel", 3.0) <= 0.25 + 2 * TICK_S
     assert latched(launcher) == [code] and launcher.wheel_rad_s <= 1.15 * SET_RAD_S
 
 
 def test_wheels_driven_above_their_set_point_are_released() -> None:
     launcher = running()
-    scale = 0.85                      # of both speed and position: no two sensors contradict each other
-    launcher.spoil = lambda inputs: wheels(velocity_rad_s=scale * inputs.flywheels[0].velocity_rad_s)(inputs)
     first = len(launcher.ticks)
     launcher.spoil = wheels(velocity_rad_s=1.12 * SET_RAD_S, current_a=20.0)
     launcher.run(0.05)
-    assert any("joint_overspeed" in latched_in(tick) for tick in launcher.ticks[first:])
-
-
-def latched_in(tick: Tick) -> list[str]:
-    return [cause.code for reason in tick.verdict.reasons if reason.code == because.AXIS_LATCHED.name
-            and isinstance(cause := reason.params["cause"], Reason)]
+    assert any("joint_overspeed" in latched(launcher, tick) for tick in launcher.ticks[first:])
 
 
 def test_a_latched_axis_stays_released_until_it_is_disarmed_and_armed() -> None:
@@ -328,8 +379,7 @@ def test_the_noise_of_dead_wheel_encoders_does_not_pass_for_motion(sd_rad_s: flo
         return replace(inputs, flywheels=tuple(replace(one, position_rad=0.0, velocity_rad_s=rng.gauss(0.0, sd_rad_s))
                                                for one in inputs.flywheels))
     launcher.spoil = spoil
-    launcher.run(0.1)
-    launcher.arm()
+    launcher.arm(after_s=0.1)
     launcher.run(0.6)
     assert latched(launcher) and launcher.wheel_rad_s <= 1.15 * SET_RAD_S
 
@@ -363,21 +413,23 @@ def test_a_hood_that_homes_with_a_wrong_encoder_goes_no_further_than_five_degree
     launcher.spoil = {"frozen": turned(launcher, lambda rad: 0.0), "reversed": turned(launcher, lambda rad: -rad),
                       "jumps": turned(launcher, lambda rad: rad - math.radians(10.0) * (rad < -0.01)),
                       "motor zero": hood(position_rad=0.0, velocity_rad_s=0.0)}[what]
-    launcher.run(0.1)
-    launcher.arm()
+    launcher.arm(after_s=0.1)
     assert most_moved_deg(launcher, 1.0) <= 5.0
     assert latched(launcher) == ["hood_encoders_disagree"] and not launcher.memory.homed
 
 
-def test_a_hood_homes_on_a_noisy_encoder_that_counts_and_wraps() -> None:
+def test_sound_hoods_home_on_a_noisy_encoder_and_without_one() -> None:
     launcher = Launcher(replace(AIMED, hood_encoder=COUNTING.hood_encoder, rig=COUNTING.rig), hood_deg=70.0)
     rng = random.Random(1)
     launcher.spoil = lambda inputs: replace(inputs, hood_angle=replace(inputs.hood_angle, angle_rad=(
         inputs.hood_angle.angle_rad + math.radians(rng.gauss(300.0, 0.2))) % math.tau))
-    launcher.run(0.1)
-    launcher.arm()
+    launcher.arm(after_s=0.1)
     launcher.run(6.0)
     assert launcher.memory.homed and not latched(launcher)
+    launcher = Launcher(BLIND, hood_deg=40.0)
+    launcher.arm(after_s=0.1)
+    launcher.run(6.0)
+    assert abs(launcher.hood_deg - HOOD_DEG) < 0.5 and not latched(launcher)
 
 
 BLIND = replace(AIMED, hood_encoder=NONE.hood_encoder, rig=NONE.rig)
@@ -401,14 +453,6 @@ def test_without_hood_encoder_a_motor_whose_encoder_is_dead_moves_little_and_not
     assert latched(launcher) == [because.HOOD_GIVEN_UP.name]
 
 
-def test_without_hood_encoder_a_sound_hood_homes_and_rises() -> None:
-    launcher = Launcher(BLIND, hood_deg=40.0)
-    launcher.run(0.1)
-    launcher.arm()
-    launcher.run(6.0)
-    assert abs(launcher.hood_deg - HOOD_DEG) < 0.5 and not latched(launcher)
-
-
 @pytest.mark.parametrize("hood_kg_m2", [1.5e-5, HOOD_KG_M2])
 def test_the_hood_keeps_to_its_speed_limit_homing_too(hood_kg_m2: float) -> None:
     """The lighter of the screws coasts 34 degrees from full rate."""
@@ -422,8 +466,7 @@ def test_the_hood_keeps_to_its_speed_limit_homing_too(hood_kg_m2: float) -> None
 @pytest.mark.parametrize("what", ["frozen", "off", "silent", "screw frozen"])
 def test_a_hood_whose_encoder_and_screw_disagree_goes_no_further_than_five_degrees(what: str) -> None:
     launcher = Launcher()
-    launcher.run(0.2)
-    launcher.arm()
+    launcher.arm(after_s=0.2)
     rise(launcher)
     at_deg = launcher.hood_deg
     if what == "silent":
@@ -441,8 +484,7 @@ def test_a_hood_whose_encoder_and_screw_disagree_goes_no_further_than_five_degre
 
 def test_a_jam_is_pushed_twice_and_then_latches() -> None:
     launcher = Launcher()
-    launcher.run(0.2)
-    launcher.arm()
+    launcher.arm(after_s=0.2)
     rise(launcher)
     launcher.jammed = True
     first = len(launcher.ticks)
@@ -472,15 +514,13 @@ def test_a_small_push_that_moves_nothing_is_dropped_until_the_set_point_changes(
 def test_homing_ends_where_the_switch_never_closes_and_waits_for_one_that_never_answered() -> None:
     launcher = Launcher()
     launcher.spoil = hood(endstop=False)
-    launcher.run(0.2)
-    launcher.arm()
+    launcher.arm(after_s=0.2)
     launcher.run(12.0)
     assert latched(launcher) == ["switch_not_reached"]
     silent = Launcher()
     silent.spoil = hood(endstop_t_ns=0)
     at_deg = silent.hood_deg
-    silent.run(0.2)
-    silent.arm()
+    silent.arm(after_s=0.2)
     tick = silent.run(3.0)
     assert silent.hood_deg == at_deg and not silent.memory.homed
     assert because.AXIS_RELEASED.name in codes(tick.verdict.reasons)
@@ -503,8 +543,7 @@ def test_the_nearer_of_encoder_and_screw_counts_at_a_soft_limit(wrong_deg: float
     launcher = Launcher(config)
     launcher.spoil = lambda inputs: replace(inputs, hood_angle=replace(
         inputs.hood_angle, angle_rad=inputs.hood_angle.angle_rad + math.radians(wrong_deg)))
-    launcher.run(0.2)
-    launcher.arm()
+    launcher.arm(after_s=0.2)
     launcher.run(8.0)
     assert high_deg - 3.0 < max(launcher.hood_deg, 0.0) <= high_deg + 1.0
 
@@ -512,11 +551,59 @@ def test_the_nearer_of_encoder_and_screw_counts_at_a_soft_limit(wrong_deg: float
 def test_devices_that_are_not_under_control_yet_get_no_torque_and_stay_enabled() -> None:
     launcher = Launcher()
     launcher.spoil = wheels(axis_state=1)
-    launcher.run(0.2)
-    launcher.arm()
+    launcher.arm(after_s=0.2)
     tick = launcher.run(3.0)
     assert tick.command.enable_flywheel and tick.command.flywheel_torque_nm == 0.0
     assert not latched(launcher)
     launcher.spoil = lambda inputs: inputs
     launcher.run(3.0)
     assert abs(launcher.wheel_rad_s - SET_RAD_S) < 5.0
+
+
+DT = 0.005
+
+
+def gains(kp=0.0, ki=0.0, kd=0.0, tau=0.0, limit=10.0):
+    return PidGains(kp=kp, ki=ki, kd=kd, derivative_tau_s=tau, integral_limit=limit, output_low=-1.0, output_high=1.0)
+
+
+def test_first_order_plants_settle_where_algebra_says():
+    # dx/dt = u - x with u = kp (r - x): x -> kp/(1+kp) r
+    pid, x = Pid(), 0.0
+    for _ in range(4000):
+        u, pid = step_pid(gains(kp=4.0), pid, 0.5, x, 0.0, -10.0, 10.0, DT)
+        x += DT * (u - x)
+    assert math.isclose(x, 0.5 * 4.0 / 5.0, rel_tol=1e-6)
+    pid, x = Pid(), 0.0
+    for _ in range(8000):
+        u, pid = step_pid(gains(kp=2.0, ki=1.0), pid, 0.5, x, 0.0, -10.0, 10.0, DT)
+        x += DT * (u - x)
+    assert math.isclose(x, 0.5, abs_tol=1e-6)
+
+
+def test_the_derivative_is_filtered_and_has_no_kick():
+    _, pid = step_pid(gains(kd=1.0), Pid(), 0.0, 1.0, 0.0, -10.0, 10.0, DT)
+    output, _ = step_pid(gains(kd=1.0), pid, 100.0, 1.0, 0.0, -10.0, 10.0, DT)
+    assert output == 0.0
+    pid, tau, x = Pid(), 0.05, 0.0
+    _, pid = step_pid(gains(tau=tau), pid, 0.0, x, 0.0, -1.0, 1.0, DT)
+    for _ in range(round(tau / DT)):
+        x += 3.0 * DT
+        _, pid = step_pid(gains(tau=tau), pid, 0.0, x, 0.0, -1.0, 1.0, DT)
+    assert math.isclose(pid.rate / 3.0, 1.0 - math.exp(-1.0), abs_tol=0.03)
+
+
+def test_the_integral_does_not_wind_up_while_the_output_is_clamped():
+    pid = Pid()
+    for _ in range(2000):
+        output, pid = step_pid(gains(kp=1.0, ki=1.0), pid, 10.0, 0.0, 0.0, -1.0, 1.0, DT)
+        assert output == 1.0
+    assert pid.integral == 0.0
+
+
+@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-5, 5), st.floats(-5, 0), st.floats(0, 5))
+def test_the_output_never_leaves_its_limits(setpoint, measurement, feedforward, low, high):
+    output, pid = step_pid(gains(kp=3.0, ki=2.0, kd=0.1, tau=0.01, limit=0.4), Pid(0.2, 0.0, 0.0, True), setpoint,
+                           measurement, feedforward, low, high, DT)
+    assert low <= output <= high
+    assert abs(pid.integral) <= 0.4

@@ -1,6 +1,5 @@
 """Axes, their drivers and limits; the screw's linkage; frames allowed on the bus, against worked numbers."""
 
-import io
 import math
 import re
 import struct
@@ -8,7 +7,6 @@ import tomllib
 from collections import Counter
 from pathlib import Path
 
-import can
 import msgspec
 import numpy as np
 import pytest
@@ -17,38 +15,26 @@ from msgspec.structs import replace
 from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
-from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
+from tests.robot.test_rig import ASKED, Time, Wire, rig_on
 from truearc.errors import InputError
 from truearc.hw import fault_codes as hw
 from truearc.hw.bus_rules import Allowed
-from truearc.hw.devices.advisory import AdvisoryConfig
 from truearc.hw.devices.family import Axis, Bounds
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.family import OdriveConfig
+from truearc.hw.devices.registry import AdvisoryConfig
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.family import SparkConfig
-from truearc.hw.fault_codes import DUPLICATE_ID, FOREIGN_HOST, FRAME_RATE_EXCEEDED
+from truearc.hw.fault_codes import FOREIGN_HOST, FRAME_RATE_EXCEEDED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import Reason
+from truearc.robot import motors
 from truearc.robot.config.schema import Config, read_axis
 from truearc.robot.estimate import estimate
-from truearc.robot.eyes import InlineEyes
-from truearc.robot.motors import (
-    bound_axes,
-    elevation_from_encoder_deg,
-    elevation_from_screw_deg,
-    guard,
-    make_motors,
-    make_rules,
-    screw_length_m,
-)
-from truearc.robot.reasons import IMAGE_DARK, MOTOR_ERROR, MOTOR_NOT_DRIVEN, text
-from truearc.robot.recording.files import candump_line
-from truearc.robot.rig import HardwareRig
-from truearc.robot.types import Command, Sent, Sighting
+from truearc.robot.reasons import MOTOR_ERROR, MOTOR_NOT_DRIVEN, text
+from truearc.robot.types import Command, Sent
 from truearc.robot.verdict import judge
 
-MS = 1_000_000
 STATUS_0, STATUS_1, STATUS_2 = 0x0205B800, 0x0205B840, 0x0205B880
 
 
@@ -57,8 +43,7 @@ class Bench:
 
     def __init__(self, config: Config) -> None:
         self.bus, self.clock = Wire(), Time()
-        eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
-        self.rig = HardwareRig(config, self.bus, Stream(), eyes, self.clock, lambda: False)
+        self.rig = rig_on(self.bus, self.clock, config)
 
     def hear(self, base: int, device: int, data: bytes) -> None:
         self.bus.frames.append(Frame(self.clock.t_ns, base + device, data, True))
@@ -82,7 +67,7 @@ class Bench:
         return self.rig.write(command)
 
 
-def test_what_a_spark_was_sent_is_recorded_beside_its_torque() -> None:
+def test_what_a_spark_was_sent_is_recorded_once_it_is_set_up() -> None:
     bench = Bench(SPARK_HOOD)
     for _ in range(5):
         sent = bench.tick(ASKED, 3)
@@ -91,9 +76,6 @@ def test_what_a_spark_was_sent_is_recorded_beside_its_torque() -> None:
     assert sent.hood_torque_nm == pytest.approx(-0.02) and sent.flywheel_torque_nm == 0.1
     duty = [frame for frame in bench.bus.sent if frame.arbitration_id == 0x02050083]
     assert all(struct.unpack("<fI", frame.data)[0] == pytest.approx(hood) for frame in duty)
-
-
-def test_until_a_spark_is_set_up_nothing_is_said_to_be_sent() -> None:
     bench = Bench(ALL_SPARK)
     sent = bench.tick(ASKED, 3, 11, 12, 14)
     assert sent == Sent(True, True, True, 0.0, 0.0, 0.0) and isinstance(sent.duties, msgspec.UnsetType)
@@ -156,9 +138,9 @@ def test_advice_is_silent_on_the_bus_whatever_is_commanded(listens_to: str) -> N
 def test_advice_fires_on_what_another_controller_does() -> None:
     config = only_advice("spark")
     inputs = good_inputs()
-    motors = [replace(motor, axis_state=0, axis_error=spark.LOCKED | spark.HAS_RESET)
+    heard = [replace(motor, axis_state=0, axis_error=spark.LOCKED | spark.HAS_RESET)
               for motor in (*inputs.flywheels, inputs.hood_motor, inputs.feeder)]
-    inputs = replace(inputs, flywheels=tuple(motors[:2]), hood_motor=motors[2], feeder=motors[3])
+    inputs = replace(inputs, flywheels=tuple(heard[:2]), hood_motor=heard[2], feeder=heard[3])
     assert verdict_of(config, inputs) == ()
     hot = replace(inputs, feeder=replace(inputs.feeder, axis_error=0x10))
     assert verdict_of(config, hot) == (MOTOR_ERROR(motor="feeder motor", errors=(hw.ERROR_OVER_TEMPERATURE(),)),)
@@ -169,11 +151,11 @@ def test_advice_fires_on_what_another_controller_does() -> None:
 def test_two_axes_on_one_device_are_named() -> None:
     wrong = replace(CONFIG, axes=replace(CONFIG.axes, feeder=replace(CONFIG.axes.feeder, node=3)))
     with pytest.raises(InputError, match="hood motor and feeder motor are the same device"):
-        make_motors(wrong)
+        motors.make_motors(wrong)
     heard = only_advice("spark").axes.hood
     with pytest.raises(InputError, match="hood motor and feeder motor"):
-        make_motors(replace(SPARK_HOOD, axes=replace(SPARK_HOOD.axes, feeder=heard)))
-    assert len(make_motors(SPARK_WHEELS)) == 4             # node 3 and device 3 would be two things
+        motors.make_motors(replace(SPARK_HOOD, axes=replace(SPARK_HOOD.axes, feeder=heard)))
+    assert len(motors.make_motors(SPARK_WHEELS)) == 4             # node 3 and device 3 would be two things
 
 
 def test_the_lines_in_the_manual_are_taken() -> None:
@@ -183,21 +165,14 @@ def test_the_lines_in_the_manual_are_taken() -> None:
     assert [type(axis) for axis in taken] == [OdriveConfig, SparkConfig, AdvisoryConfig]
 
 
-def test_a_question_is_logged_with_the_length_of_its_answer() -> None:
-    line = candump_line(spark.make_version_query(spark.SparkAxis(3, 1)), True, 1_500_000_000)
-    assert line == "(1.500000) can0 02052603#R8 T\n"
-    message, = can.CanutilsLogReader(io.StringIO(line))
-    assert (message.arbitration_id, message.is_remote_frame, message.dlc) == (0x02052603, True, 8)
-
-
 def test_an_axis_is_bounded_by_what_the_rest_of_the_configuration_asks_of_it() -> None:
     """Of the hood: 20 deg/s where its lever is longest, 0.25 m, and half as much again, at which its interlock acts."""
-    left, right, hood, feeder = bound_axes(CONFIG)
+    left, right, hood, feeder = motors.bound_axes(CONFIG)
     assert left == right == Bounds(594.0, 1.2, False) and feeder == Bounds(None, 0.2, None)
     lever_rad_s = math.tau * math.radians(20.0) * 0.25 / 0.005
     assert hood.top_rad_s == pytest.approx(1.5 * max(lever_rad_s, CONFIG.identify.hood.top_rad_s), rel=2e-3)
     assert (hood.top_nm, hood.brakes) == (0.3, True)
-    slow = bound_axes(replace(CONFIG, identify=None))[2]
+    slow = motors.bound_axes(replace(CONFIG, identify=None))[2]
     assert slow.top_rad_s == pytest.approx(1.5 * lever_rad_s, rel=2e-2)
 
 
@@ -205,46 +180,37 @@ def test_an_axis_is_bounded_by_what_the_rest_of_the_configuration_asks_of_it() -
 def test_limits_that_no_frame_can_say_are_none_and_no_error(torque_nm_a: float) -> None:
     flywheels = tuple(replace(axis, torque_nm_a=torque_nm_a) for axis in CONFIG.axes.flywheels)
     hood = replace(CONFIG.hood, screw_lead_m=1e-8)
-    assert len(make_motors(replace(CONFIG, hood=hood, axes=replace(CONFIG.axes, flywheels=flywheels)))) == 4
+    assert len(motors.make_motors(replace(CONFIG, hood=hood, axes=replace(CONFIG.axes, flywheels=flywheels)))) == 4
     wheels = tuple(replace(axis, torque_nm_a=torque_nm_a) for axis in SPARK_WHEELS.axes.flywheels)
-    assert len(make_motors(replace(SPARK_WHEELS, axes=replace(SPARK_WHEELS.axes, flywheels=wheels)))) == 4
+    assert len(motors.make_motors(replace(SPARK_WHEELS, axes=replace(SPARK_WHEELS.axes, flywheels=wheels)))) == 4
 
 
-def test_screw_and_elevation_are_inverse_over_the_travel():
+def test_screw_encoder_and_elevation_are_inverse_by_the_linkage():
     hood = CONFIG.hood
     for elevation in np.linspace(hood.low_deg, hood.high_deg, 25):
-        travel = screw_length_m(elevation, hood) - screw_length_m(hood.low_deg, hood)
+        travel = motors.screw_length_m(elevation, hood) - motors.screw_length_m(hood.low_deg, hood)
         turned = travel / hood.screw_lead_m * 2 * math.pi / hood.screw_gear
-        assert elevation_from_screw_deg(turned, hood) == pytest.approx(elevation, abs=1e-9)
-
-
-def test_the_screw_length_is_the_distance_between_the_pivots():
+        assert motors.elevation_from_screw_deg(turned, hood) == pytest.approx(elevation, abs=1e-9)
     hood = CONFIG.hood
     angle = math.radians(hood.included_deg + 40.0)
     nut = hood.pivot_to_nut_m * np.array([math.cos(angle), math.sin(angle)])
-    assert screw_length_m(40.0, hood) == pytest.approx(np.hypot(*(nut - [hood.pivot_to_motor_m, 0.0])), rel=1e-12)
-
-
-def test_a_screw_beyond_its_linkage_is_unknown_not_wrong():
-    assert elevation_from_screw_deg(1e4, CONFIG.hood) is None
-
-
-def test_the_encoder_may_wrap_between_zero_and_the_hood():
+    apart_m = np.hypot(*(nut - [hood.pivot_to_motor_m, 0.0]))
+    assert motors.screw_length_m(40.0, hood) == pytest.approx(apart_m, rel=1e-12)
+    assert motors.elevation_from_screw_deg(1e4, CONFIG.hood) is None
     zero = CONFIG.hood_encoder.zero_deg
     for elevation in (-30.0, 0.0, 15.0, 75.0, 179.0):
         angle = math.radians((zero + elevation) % 360.0)
-        assert elevation_from_encoder_deg(angle, CONFIG.hood_encoder, zero) == pytest.approx(elevation, abs=1e-9)
+        assert motors.elevation_from_encoder_deg(angle, CONFIG.hood_encoder, zero) == pytest.approx(elevation, abs=1e-9)
 
 
 # ODrive CANSimple: node << 5 | command; the hood, node 3, has a limit switch to ask for, command 0x04
 ADDRESS = 0x06                        # with a serial number: two devices with one id give two
 ESTOP, AXIS_STATE, CONTROLLER_MODE, TORQUE, LIMITS, CLEAR_ERRORS = 0x02, 0x07, 0x0B, 0x0E, 0x0F, 0x18
-COMMANDS = (ESTOP, AXIS_STATE, CONTROLLER_MODE, TORQUE, CLEAR_ERRORS)
 ENCODER_SETTING, ENCODER_ASKED = 0x070E00C0 + 5, 0x070E0080 + 5
 
 
 def allowed_of(config: Config) -> list[Allowed]:
-    return [kind for one in make_rules(config) for kind in one.allowed]
+    return [kind for one in motors.make_rules(config) for kind in one.allowed]
 
 
 def limits_of(config: Config) -> dict[tuple[int, bool, bool, int], int]:
@@ -255,49 +221,26 @@ def limits_of(config: Config) -> dict[tuple[int, bool, bool, int], int]:
 @pytest.fixture
 def bench():
     wire, clock, tally = Wire(), Time(), Counter()
-    return wire, clock, tally, guard(wire, CONFIG, clock, tally)
+    return wire, clock, tally, motors.guard(wire, CONFIG, clock, tally)
 
 
-def test_exactly_these_frames_may_be_sent() -> None:
-    kinds = {(kind.arbitration_id, kind.is_extended, kind.is_remote) for kind in allowed_of(CONFIG)}
-    expected = {(node << 5 | command, False, False) for node in (1, 2, 3, 4) for command in COMMANDS}
-    expected |= {(node << 5 | asked, False, True) for node in (1, 2, 3, 4) for asked in (0, ADDRESS)}
-    expected |= {(node << 5 | LIMITS, False, False) for node in (1, 2, 3)}      # the feeder's are not known
-    assert kinds == expected | {(3 << 5 | 0x04, False, False), (ENCODER_SETTING, True, False),
-                                (ENCODER_ASKED, True, False)}
-
-
-def test_each_by_its_length_and_how_often() -> None:
-    """A set point 31 times in 0.1 s: at 200 Hz 20 are due, half as many again may come early, and one begins."""
+def test_frames_by_length_and_how_often_at_every_tick_rate() -> None:
+    """A set point 31 times in 0.1 s: at 200 Hz 20 are due, half as many again may come early, and one begins; as often
+    the limit switch is asked that does not answer."""
     commands = {ESTOP: (0, 5), AXIS_STATE: (8, 31), CONTROLLER_MODE: (8, 5), TORQUE: (8, 31), CLEAR_ERRORS: (1, 5)}
     expected = {(node << 5 | command, False, False, length): most for node in (1, 2, 3, 4)
                 for command, (length, most) in commands.items()}
     expected |= {(node << 5 | asked, False, True, 0): 5 for node in (1, 2, 3, 4) for asked in (0, ADDRESS)}
     expected |= {(node << 5 | LIMITS, False, False, 8): 5 for node in (1, 2, 3)}
-    assert limits_of(CONFIG) == expected | {(3 << 5 | 0x04, False, False, 8): 5, (ENCODER_SETTING, True, False, 8): 5,
+    assert limits_of(CONFIG) == expected | {(3 << 5 | 0x04, False, False, 8): 31, (ENCODER_SETTING, True, False, 8): 5,
                                             (ENCODER_ASKED, True, False, 8): 5}
-
-
-def test_a_set_point_a_tick_and_not_many_more(bench) -> None:
-    most = {kind.most for kind in allowed_of(CONFIG) if kind.arbitration_id == 1 << 5 | 0x0E}
-    per_window = CONFIG.tick_hz / 10
-    assert len(most) == 1 and per_window < most.pop() <= 2 * per_window
-
-
-def test_another_tick_rate_gives_another_limit() -> None:
     fast = allowed_of(replace(CONFIG, tick_hz=2 * CONFIG.tick_hz))
     assert max(kind.most for kind in fast) > 1.8 * max(kind.most for kind in allowed_of(CONFIG))
-
-
-def test_what_a_rig_sends_is_allowed_whatever_it_is_asked(bench) -> None:
-    wire, clock, tally, bus = bench
-    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
-    rig = HardwareRig(CONFIG, bus, Stream(), eyes, clock, lambda: False)
-    for tick in range(1000):
-        rig.read()
-        rig.write(Command(*[tick // 50 % 2 == 0] * 3, 0.001 * tick, -0.0001 * tick, 0.1))
-    rig.release()
-    assert not tally and len(wire.sent) > 2000
+    limits = limits_of(SPARK_HOOD)
+    assert {key: most for key, most in limits.items() if key[0] >> 16 == 0x0205} == {
+        (0x02050083, True, False, 8): 31, (0x02052C80, True, False, 8): 31, (0x02053803, True, False, 5): 22,
+        (0x02050403, True, False, 4): 5, (0x02051B83, True, False, 0): 5, (0x02052603, True, True, 8): 5}
+    assert limits_of(SPARK_WHEELS)[0x0205380B, True, False, 5] == 22
 
 
 def test_a_loop_gone_wild_is_cut_off(bench) -> None:
@@ -310,57 +253,11 @@ def test_a_loop_gone_wild_is_cut_off(bench) -> None:
     assert any(fault.code == FRAME_RATE_EXCEEDED.name and fault.params["frame"] == "0x02e" for fault in bus.faults())
 
 
-@pytest.mark.parametrize("frame", [
-    Frame(0, 5 << 5 | 0x0E, bytes(8)),            # an axis that the configuration does not have
-    Frame(0, 1 << 5 | 0x0D, bytes(8)),            # a speed rather than a torque: the device would run its own loop
-    Frame(0, 4 << 5 | 0x0F, bytes(8)),            # limits of an axis of which they are not known
-    Frame(0, 0x000, bytes(8)), Frame(0, 1 << 5 | 0x0E, bytes(3)), Frame(0, 1 << 5 | 0x0E, bytes(8), True)])
-def test_what_the_configuration_has_no_use_for_is_never_sent(bench, frame: Frame) -> None:
-    wire, _, tally, bus = bench
-    assert not bus.write(frame) and wire.sent == [] and tally == {"frames not allowed": 1}
-
-
-@pytest.mark.parametrize("command", [0x02, 0x04, 0x07, 0x0B, 0x0D, 0x0E, 0x0F, 0x18])
-def test_another_host_that_commands_our_axes_is_told(bench, command: int) -> None:
-    wire, _, _, bus = bench
-    wire.frames = [Frame(1_000_000_000, 2 << 5 | command, bytes(8))]
-    bus.read()
-    assert bus.faults() == [FOREIGN_HOST(frame=f"0x{2 << 5 | command:03x}")]
-
-
 def test_another_host_is_a_fault_of_the_very_tick_that_hears_it(bench) -> None:
     wire, clock, _, bus = bench
-    rig = HardwareRig(CONFIG, bus, Stream(), InlineEyes(Blind(), lambda frame: Sighting(0, False, IMAGE_DARK())), clock,
-                      lambda: False)
+    rig = rig_on(bus, clock)
     wire.frames = [Frame(clock.t_ns, 0x2E, bytes(8))]
     assert FOREIGN_HOST.name in codes(rig.read().faults)
-
-
-def test_nothing_that_devices_send_is_ours_and_their_pulses_are_theirs() -> None:
-    devices, host = ({kind for one in make_rules(CONFIG) for kind in part(one)} for part in (
-        lambda one: one.by_device, lambda one: one.by_host))
-    assert devices and host and not devices & host
-    pulses = {kind: period for one in make_rules(CONFIG) for kind, period in one.pulse.items()}
-    assert set(pulses) <= devices
-    assert pulses[1 << 5 | 0x01, False, False] == 100_000_000
-    assert pulses[0x070E07C0 + 5, True, False] == CONFIG.hood_encoder.period_ms * 1_000_000
-
-
-def test_a_spark_may_be_sent_what_its_driver_sends_and_no_speed() -> None:
-    """By the ids of REV's table: duty, heartbeat of all, parameters, status frames, faults, and who it is."""
-    kinds = {(kind.arbitration_id, kind.is_remote) for kind in allowed_of(SPARK_HOOD)
-             if kind.is_extended and kind.arbitration_id >> 16 == 0x0205}
-    assert kinds == {(0x02050083, False), (0x02052C80, False), (0x02053803, False), (0x02050403, False),
-                     (0x02051B83, False), (0x02052603, True)}
-
-
-def test_a_spark_by_length_and_how_often() -> None:
-    """Each setting that there is may be said twice."""
-    limits = limits_of(SPARK_HOOD)
-    assert {key: most for key, most in limits.items() if key[0] >> 16 == 0x0205} == {
-        (0x02050083, True, False, 8): 31, (0x02052C80, True, False, 8): 31, (0x02053803, True, False, 5): 22,
-        (0x02050403, True, False, 4): 5, (0x02051B83, True, False, 0): 5, (0x02052603, True, True, 8): 5}
-    assert limits_of(SPARK_WHEELS)[0x0205380B, True, False, 5] == 22
 
 
 SPARK_SENDS = (0x0205BC03, 0x0205B803, 0x0205B843, 0x0205B883, 0x0205B943, 0x0205B983, 0x02050443, 0x02052603,
@@ -379,7 +276,7 @@ ENCODER_SENDS, ENCODER_IS_SENT = (0x070E07C5, 0x070E0785, 0x070E0185, 0x070E0105
 ])
 def test_whose_frames_they_are(config, sends, is_sent, pulse) -> None:
     """Of the hood's axis, and of its encoder; by the tables of their makers."""
-    encoder, hood = make_rules(config)[0], make_rules(config)[3]
+    encoder, hood = motors.make_rules(config)[0], motors.make_rules(config)[3]
     extended = sends is SPARK_SENDS
     assert set(hood.by_device) == {(frame_id, extended, False) for frame_id in sends}
     assert set(hood.by_host) == {(frame_id, extended, False) for frame_id in is_sent}
@@ -395,7 +292,7 @@ def test_whose_frames_they_are(config, sends, is_sent, pulse) -> None:
 def test_what_devices_and_other_hosts_say_is_known_and_what_only_we_may_say_is_not() -> None:
     """Questions about our axes that another host asks are ours, too; unknown frames are counted without a fault."""
     wire, clock, tally = Wire(), Time(), Counter()
-    bus = guard(wire, CONFIG, clock, tally)
+    bus = motors.guard(wire, CONFIG, clock, tally)
     wire.frames = [Frame(clock.t_ns, 1 << 5 | 0x09, bytes(8)), Frame(clock.t_ns, 0x070E0185, bytes(8), True)]
     assert len(bus.read()) == 2 and bus.faults() == [] and not tally
     wire.frames = [Frame(clock.t_ns, 0x7FE, bytes(8)), Frame(clock.t_ns, 1 << 5, b"", is_remote=True)]
@@ -404,19 +301,10 @@ def test_what_devices_and_other_hosts_say_is_known_and_what_only_we_may_say_is_n
     assert bus.faults() == [FOREIGN_HOST(frame="0x020")]
 
 
-def test_two_axes_that_answer_to_one_id_are_told() -> None:
-    wire, clock, tally = Wire(), Time(), Counter()
-    bus = guard(wire, CONFIG, clock, tally)
-    wire.frames = [Frame(clock.t_ns - at, 1 << 5 | 0x01, bytes(8)) for at in range(990_000_000, 0, -50_000_000)]
-    bus.read()
-    fault = bus.faults()[0]
-    assert fault.code == DUPLICATE_ID.name and fault.params["frame"] == "0x021"
-
-
 def test_an_axis_of_another_controller_may_be_sent_nothing_and_is_commanded_by_it() -> None:
     wire, clock, tally = Wire(), Time(), Counter()
     config = only_advice("odrive")
-    bus = guard(wire, config, clock, tally)
+    bus = motors.guard(wire, config, clock, tally)
     assert allowed_of(config) == []
     torque = odrive.make_torque(odrive.OdriveAxis(11, 1), 0.1)
     assert not bus.write(torque) and wire.sent == []

@@ -128,7 +128,7 @@ def test_the_recorder_process_shows_what_it_writes(wires, tmp_path, capfd):
     assert "operator's page: http://127.0.0.1:" in capfd.readouterr().err
 
 
-def test_a_networktables_server_that_is_not_there_changes_nothing(wires, tmp_path, capfd):
+def test_no_networktables_and_no_page_change_nothing(wires, tmp_path, capfd):
     config = tmp_path / "launcher.toml"
     config.write_text(Path(CONFIG).read_text(encoding="utf-8")
                       + '\n[nt4]\nserver = "127.0.0.1:9"\n[nt4.velocity]\nkey = "/v"\nmost_m_s = 1\npointing_deg = 2\n'
@@ -136,9 +136,6 @@ def test_a_networktables_server_that_is_not_there_changes_nothing(wires, tmp_pat
                       '[apriltag]\nids = [4]\nside_m = 0.1651\ncentre_height_m = 1.35\n', encoding="utf-8")
     assert main(["run", "--config", str(config), "--out", str(tmp_path / "s"), "--priority", "0", "--page", "off"]) == 0
     assert f"{TICKS} ticks" in capfd.readouterr().out
-
-
-def test_a_page_that_cannot_be_served_is_a_warning(wires, tmp_path, capfd):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"127.0.0.1:{taken.getsockname()[1]}"
         assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", where]) == 0
@@ -146,13 +143,13 @@ def test_a_page_that_cannot_be_served_is_a_warning(wires, tmp_path, capfd):
     assert f"{TICKS} ticks" in out and f"cannot serve the operator's page on {where}" in err
 
 
-@pytest.mark.parametrize("where", ["here", "127.0.0.1:", "127.0.0.1:70000", "-1", ""])
-def test_a_page_nowhere_is_bad_input(where, tmp_path, capsys):
-    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), f"--page={where}"]) == 2
-    assert f"--page {where}" in capsys.readouterr().err and not (tmp_path / "s").exists()
-
-
 @pytest.mark.parametrize(("text", "where"), [
     ("5808", ("127.0.0.1", 5808)), ("0.0.0.0:80", ("0.0.0.0", 80)), ("[::1]:5808", ("::1", 5808)), ("off", None)])
 def test_where_the_page_is(text, where):
     assert parse_page(text) == where
+
+
+@pytest.mark.parametrize("where", ["here", "127.0.0.1:", "127.0.0.1:70000", "-1", ""])
+def test_a_page_nowhere_is_bad_input(where, tmp_path, capsys):
+    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), f"--page={where}"]) == 2
+    assert f"--page {where}" in capsys.readouterr().err and not (tmp_path / "s").exists()

@@ -61,22 +61,16 @@ def inputs_at(joint, rad_s, hood_deg=HOOD_DEG, buttons=()):
 # --- the program
 
 
-def test_flywheels_are_never_driven_backwards_unless_the_configuration_says_so():
+def test_the_program_has_each_ramp_and_step_its_way_and_coasts():
     assert all(one.sign > 0 for one in PROGRAM if one.joint == FLYWHEEL)
     reverse = phases(excite("flywheel", reverse=True))
     assert {one.sign for one in reverse if one.joint == FLYWHEEL and one.torque_nm} == {1, -1}
-
-
-def test_each_joint_gets_its_ramps_and_steps_each_followed_by_coasting():
     for joint, ways in ((FLYWHEEL, 1), (HOOD, 2)):
         repeats = getattr(CONFIG.identify, joint).repeats
         mine = [one for one in PROGRAM if one.joint == joint and one.kind not in (READY, HOME)]
         for kind in (RAMP, STEP):
             assert sum(one.kind == kind for one in mine) == repeats * ways
         assert [one.kind == COAST for one in mine] == [number % 2 == 0 for number in range(len(mine))]
-
-
-def test_the_hood_goes_up_as_often_as_down_and_is_homed_first():
     driven = [one for one in PROGRAM if one.joint == HOOD and one.torque_nm]
     assert driven[0].kind == HOME
     assert sum(one.sign for one in driven[1:]) == 0
@@ -192,7 +186,7 @@ def test_the_hood_is_let_go_where_it_would_run_into_its_end(hood_deg, rad_s, end
         assert causes_of(out) == [because.HOOD_AT_LIMIT.name] and out.command == RELEASED
 
 
-def test_a_phase_ends_at_its_speed_or_at_the_hoods_margin_and_coasting_at_rest():
+def test_a_phase_ends_at_its_speed_or_margin_and_the_last_in_done():
     step = first(FLYWHEEL, STEP)
     assert tick(inputs_at(FLYWHEEL, 440.0), running(step)).memory.identify.phase == step
     ended = tick(inputs_at(FLYWHEEL, 460.0), running(step))
@@ -202,6 +196,8 @@ def test_a_phase_ends_at_its_speed_or_at_the_hoods_margin_and_coasting_at_rest()
     up = first(HOOD, STEP)
     assert tick(inputs_at(HOOD, 60.0, 64.0), running(up)).memory.identify.phase == up + 1
     assert tick(inputs_at(HOOD, 60.0, 50.0), running(up)).memory.identify.phase == up
+    out = tick(inputs_at(HOOD, 0.0), running(len(PROGRAM) - 1))
+    assert out.memory.identify.over == because.IDENTIFY_DONE() and out.command == RELEASED
 
 
 @pytest.mark.parametrize(("phase", "rad_s", "reason"), [
@@ -211,11 +207,6 @@ def test_a_phase_ends_at_its_speed_or_at_the_hoods_margin_and_coasting_at_rest()
 def test_what_ought_to_have_moved_or_stopped_is_an_end(phase, rad_s, reason):
     out = tick(inputs_at(FLYWHEEL, rad_s), running(phase, since_s=61.0))
     assert out.memory.identify.over == because.IDENTIFY_STOPPED(causes=(reason,)) and out.command == RELEASED
-
-
-def test_the_last_phase_ends_in_done():
-    out = tick(inputs_at(HOOD, 0.0), running(len(PROGRAM) - 1))
-    assert out.memory.identify.over == because.IDENTIFY_DONE() and out.command == RELEASED
 
 
 def test_only_one_joint_is_ever_driven_and_the_feeder_never():

@@ -1,33 +1,34 @@
-"""`truearc vision` as its users meet it: CSV out, messages that name the file, exit codes."""
+"""`truearc vision` as its users meet it, on image files that are damaged in every way, too."""
 
 import csv
 import io
+import struct
+import sys
+import zlib
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import truearc.cli.main as truearc
+from tests.robot.good_tick import CONFIG
 from truearc import robot
-from truearc.hw.emulated.camera import Lens, Stage, TapeSize
-from truearc.robot.config.schema import load_config
+from truearc.cli import vision_images as images
+from truearc.cli.vision_images import MAX_PIXELS, decode_image, image_size, load_image
+from truearc.errors import InputError
+from truearc.hw.emulated.camera import Stage
+from truearc.sim.world.emulated_robot import make_lens, make_tape
 from truearc_proof.world.camera_damage import StagedCamera, place
-
-CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 
 
 @pytest.fixture(scope="module")
 def picture() -> np.ndarray:
     camera, tape = CONFIG.camera, CONFIG.tape
-    lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
-    size = TapeSize(tape.top_width_m, tape.bottom_width_m, tape.height_m, tape.tape_width_m)
     view = place(4.0, tape.centre_height_m - camera.height_m, camera.pitch_deg)
-    eye = StagedCamera(Stage(view), lens, size, 20.0, 0.0, 1)
-    eye.step(0)
-    frame = eye.read()
-    assert frame is not None
-    return frame.image
+    return StagedCamera(Stage(view), make_lens(camera), make_tape(tape), 1).expose(0).image
 
 
 @pytest.fixture
@@ -54,12 +55,14 @@ def test_a_found_target(capsys, good):
     assert len(corners) == 4 and f'"{row["corners"]}"' in out.out
 
 
-def test_no_target_is_an_answer_with_a_reason(capsys, tmp_path):
+def test_no_target_is_an_answer_and_no_camera_file_an_error(capsys, tmp_path, good):
     path = tmp_path / "dark.png"
     cv2.imwrite(str(path), np.full((480, 640, 3), 5, np.uint8))
     code, rows, out = run(capsys, str(path))
     assert code == 0 and rows == [{"file": str(path), "found": "false", "distance_m": "", "sigma_m": "", "corners": ""}]
     assert str(path) in out.err and "dark all over" in out.err
+    code, _, out = run(capsys, good, "--camera", "nowhere.toml")
+    assert code == 2 and "nowhere.toml" in out.err
 
 
 def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, picture, good):
@@ -87,14 +90,11 @@ def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, picture, 
     assert "greyscale" in out.err and "16-bit" in out.err and "is empty" in out.err and "Traceback" not in out.err
 
 
-def test_alpha_is_ignored(capsys, tmp_path, picture, good):
+def test_alpha_is_ignored_and_other_sizes_are_said_once(capsys, tmp_path, picture, good):
     path = tmp_path / "alpha.png"
     cv2.imwrite(str(path), np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]))
     _, rows, _ = run(capsys, str(path), good)
     assert rows[0]["distance_m"] == rows[1]["distance_m"] != ""
-
-
-def test_other_sizes_are_said_once(capsys, tmp_path, picture, good):
     cv2.imwrite(str(tmp_path / "crop.png"), picture[:400])
     code, rows, out = run(capsys, good, str(tmp_path / "crop.png"), str(tmp_path / "crop.png"))
     assert code == 0 and len(rows) == 3 and out.err.count("640 x 400: treated as modes that show the full height") == 1
@@ -156,6 +156,80 @@ def test_bad_camera_files_name_the_key(capsys, tmp_path, good, change, named):
     assert code == 2 and rows == [] and str(path) in out.err and named in out.err
 
 
-def test_missing_camera_file(capsys, good):
-    code, _, out = run(capsys, good, "--camera", "nowhere.toml")
-    assert code == 2 and "nowhere.toml" in out.err
+GREY_ALPHA = 4, (b"\0" + bytes(range(160))) * 60
+RANDOM = np.random.default_rng(1)
+PICTURE = cv2.GaussianBlur(RANDOM.integers(0, 256, (60, 80, 3), dtype=np.uint8), (5, 5), 0)
+WHOLE = {end: cv2.imencode(end, PICTURE)[1].tobytes() for end in (".jpg", ".png", ".bmp", ".webp")}
+
+
+@pytest.mark.parametrize("end", WHOLE)
+def test_what_is_written_is_read(end):
+    assert image_size(WHOLE[end]) == (80, 60)
+    assert decode_image(WHOLE[end]).shape == (60, 80, 3)
+    assert image_size(cv2.imencode(end, PICTURE[:7, :5])[1].tobytes()) == (5, 7)
+
+
+def test_lossless_webp_states_its_size_elsewhere():
+    data = cv2.imencode(".webp", PICTURE, [cv2.IMWRITE_WEBP_QUALITY, 101])[1].tobytes()
+    assert data[12:16] == b"VP8L" and image_size(data) == (80, 60)
+    assert np.array_equal(decode_image(data), PICTURE)
+
+
+def png_of(width: int, height: int, kind: int = 2, pixels: bytes = b"") -> bytes:
+    """A PNG that claims a size and has these pixels."""
+    header = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, kind, 0, 0, 0)
+    parts = (header, b"IDAT" + zlib.compress(pixels), b"IEND")
+    return b"\x89PNG\r\n\x1a\n" + b"".join(struct.pack(">I", len(part) - 4) + part + struct.pack(">I", zlib.crc32(part))
+                                           for part in parts)
+
+
+@pytest.mark.parametrize(("data", "named"), [
+    (b"", "empty"), (b"GIF89a....", "JPEG, PNG, BMP and WebP"), (b"\x89PNG\r\n\x1a\n", "corrupt"),
+    (b"\xff\xd8", "corrupt"), (b"\xff\xd8\x00\x00", "corrupt"), (WHOLE[".png"][:-40], "cut short"),
+    (WHOLE[".jpg"][:-40], "cut short"), (png_of(60_000, 60_000), f"more than {MAX_PIXELS // 1_000_000} million"),
+    (png_of(10_000, 10_000), f"more than {MAX_PIXELS // 1_000_000} million"),
+    (png_of(0, 5), "corrupt"), (png_of(80, 60), "corrupt"),
+    (cv2.imencode(".png", PICTURE[:, :, 0])[1].tobytes(), "greyscale"),
+    (png_of(80, 60, *GREY_ALPHA), "greyscale"),
+    (cv2.imencode(".png", PICTURE.astype(np.uint16))[1].tobytes(), "16-bit"),
+])
+def test_what_is_wrong_is_said(data, named):
+    with pytest.raises(InputError, match=named):
+        decode_image(data)
+
+
+def test_grey_is_enough_for_a_board_and_files_have_a_limit(monkeypatch, tmp_path):
+    assert decode_image(cv2.imencode(".png", PICTURE[:, :, 0])[1].tobytes(), colour=False).shape == (60, 80)
+    assert decode_image(png_of(80, 60, *GREY_ALPHA), colour=False).tolist() == [list(range(0, 160, 2))] * 60
+    path = tmp_path / "large.bmp"
+    path.write_bytes(WHOLE[".bmp"])
+    monkeypatch.setattr(images, "MAX_BYTES", 1000)
+    with pytest.raises(InputError, match=r"large.bmp: is longer than 1000 bytes"):
+        load_image(str(path))
+
+
+@settings(max_examples=500, deadline=None)
+@given(st.sampled_from(sorted(WHOLE)), st.lists(st.tuples(st.integers(0, 20_000), st.binary(max_size=6),
+                                                          st.integers(0, 60)), min_size=1, max_size=5),
+       st.one_of(st.none(), st.integers(0, 20_000)))
+def test_any_damage_is_an_image_or_told(end, changes, length):
+    data = bytearray(WHOLE[end])
+    for where, put, gone in changes:
+        at = where % len(data) if where % 2 else where % 60
+        data[at:at + gone] = put
+        if not data:
+            break
+    try:
+        image = decode_image(bytes(data[:length]))
+    except InputError as error:
+        assert str(error)
+    else:
+        assert image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3
+
+
+@pytest.mark.parametrize("end", WHOLE)
+def test_the_base_install_reads_pictures_without_pillow(monkeypatch, end):
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    assert image_size(WHOLE[end]) is None and decode_image(WHOLE[end]).shape == (60, 80, 3)
+    with pytest.raises(InputError):
+        decode_image(WHOLE[end][:30])

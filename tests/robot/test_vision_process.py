@@ -76,19 +76,18 @@ def told(*views):
     return said, eyes.picture()
 
 
-def test_a_sighting_comes_over_to_the_bit_with_the_image_behind_it():
+def test_sightings_come_over_to_the_bit_and_what_is_lost_stays_so():
     said, picture = told(None, frame(7), None)
     assert said == [None, see(frame(7)), None]
     assert picture.t_ns == 7000 and (picture.image == 7).all()
-
-
-def test_a_lost_camera_stays_lost_until_the_next_image():
     gone = LinkLost(CAMERA_SILENT(camera="0"))
     said, _ = told(frame(7), gone, gone, None, frame(8))
     assert said == [see(frame(7)), *[gone.reason] * 3, see(frame(8))]
+    said, picture = told(CameraFrame(1, np.zeros((7, 8, 3), np.uint8)))
+    assert said[0].code == VISION_FAILED.name and "there is room for" in said[0].params["detail"] and picture is None
 
 
-def test_vision_that_fails_says_so_and_the_next_image_is_seen():
+def test_vision_that_fails_or_does_not_stir_says_so():
     said, _ = told(frame(13), None, frame(8))
     failed = VISION_FAILED(detail="ZeroDivisionError: thirteen")
     assert said == [failed, failed, see(frame(8))]
@@ -97,14 +96,6 @@ def test_vision_that_fails_says_so_and_the_next_image_is_seen():
         eyes.read()
     assert lost.value.reason == failed
     assert eyes.read() == see(frame(8))
-
-
-def test_an_image_of_another_size_is_said():
-    said, picture = told(CameraFrame(1, np.zeros((7, 8, 3), np.uint8)))
-    assert said[0].code == VISION_FAILED.name and "there is room for" in said[0].params["detail"] and picture is None
-
-
-def test_a_process_that_does_not_stir_does_not_answer():
     slots, clock = Slots(bytearray(ROOM.bytes), ROOM), Time()
     eyes = FarEyes(slots, lambda: None, clock)
     slots.beat(clock.t_ns)
@@ -192,7 +183,7 @@ def test_a_camera_that_stops_is_lost_in_the_cameras_words(scene):
 @pytest.mark.slow
 @pytest.mark.parametrize("layout", ["one", "three"])
 def test_without_camera_box_and_adapter_it_starts_holds_and_opens_what_appears(layout, tmp_path):
-    PtyCable = pytest.importorskip("truearc.hw.emulated.pty_cable").PtyCable
+    PtyCable = pytest.importorskip("truearc.hw.emulated.serial_link").PtyCable
     box, adapter, out = tmp_path / "buttonbox", tmp_path / "adapter", tmp_path / "out"
     words = ["--can", f"slcan:{adapter}", "--buttons", str(box), "--camera", "/dev/video99", "--layout", layout]
     robot = subprocess.Popen([sys.executable, "-m", "truearc", "run", "--config", str(SHIPPED), "--out", str(out),

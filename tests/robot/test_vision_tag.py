@@ -5,16 +5,15 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG as SHIPPED_CONFIG
 from tests.robot.tag_scene import View, render
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import AprilTag, CameraConfig, load_config
-from truearc.robot.vision import find_target
-from truearc.robot.vision.tag import detect_tag
+from truearc.robot.vision import detect_tag, find_target
 
-SHIPPED_CONFIG = load_config(SHIPPED)
 TAG = AprilTag((4, 7), 0.1651, 1.35)                  # 6.5 in, as on an FRC field
 # as of the global-shutter cameras that teams use for tags
 CAMERA = replace(SHIPPED_CONFIG.camera, target="apriltag", width_px=1280, height_px=800, fx_px=950.0, fy_px=950.0,
@@ -59,29 +58,26 @@ def test_distance_is_within_two_percent_and_sigma_honest_from_one_to_eight_metre
     assert np.mean(np.abs(off) <= 2.0 * sigma) >= 0.9
 
 
-def test_bearing_and_corners_are_those_of_the_view() -> None:
+def test_bearing_corners_and_distance_are_those_of_the_view() -> None:
     rng = np.random.default_rng(1)
     right, left = (find_target(seen(rng, 3.0, bearing_deg=angle), CONFIG) for angle in (8.0, -8.0))
     assert right.bearing_deg == pytest.approx(-left.bearing_deg, abs=1.0)          # type: ignore[operator]
     assert abs(right.bearing_deg or 0.0) == pytest.approx(8.0, abs=1.0)
     assert len(right.corners_px) == 4
-
-
-def test_the_target_behind_the_tag_is_so_much_farther() -> None:
     frame = seen(np.random.default_rng(2), 3.0)
     near, far = (detect_tag(frame, CAMERA, tag, CONFIG.vision) for tag in (TAG, replace(TAG, behind_m=0.6)))
     assert far.distance_m == pytest.approx((near.distance_m or 0.0) + 0.6)
 
 
-def test_other_numbers_are_not_the_target() -> None:
+def test_other_numbers_heights_and_empty_images_are_not_the_target() -> None:
     sighting = find_target(seen(np.random.default_rng(3), 3.0, number=5), CONFIG)
     assert not sighting.found and sighting.reason == because.NO_TAG()
-
-
-def test_a_tag_at_another_height_is_doubted() -> None:
     lower = replace(CONFIG, apriltag=replace(TAG, centre_height_m=0.6))
     sighting = find_target(seen(np.random.default_rng(4), 2.0), lower)
     assert not sighting.found and sighting.reason is not None and sighting.reason.code == "pose_off_mounting"
+    assert find_target(CameraFrame(0, np.zeros((4, 4, 3), np.uint8)), CONFIG).reason == because.IMAGE_TOO_SMALL(
+        width_px=4, height_px=4)
+    assert find_target(CameraFrame(0, np.zeros((480, 640, 3), np.uint8)), CONFIG).reason == because.NO_TAG()
 
 
 def distractor(rng: np.random.Generator) -> CameraFrame:
@@ -107,12 +103,6 @@ def test_no_wrong_tag_among_distractors() -> None:
     rng = np.random.default_rng(5)
     for _ in range(150):
         assert not find_target(distractor(rng), every).found
-
-
-def test_an_image_of_nothing_gives_an_answer() -> None:
-    assert find_target(CameraFrame(0, np.zeros((4, 4, 3), np.uint8)), CONFIG).reason == because.IMAGE_TOO_SMALL(
-        width_px=4, height_px=4)
-    assert find_target(CameraFrame(0, np.zeros((480, 640, 3), np.uint8)), CONFIG).reason == because.NO_TAG()
 
 
 def test_a_configuration_without_the_tag_is_refused(tmp_path) -> None:

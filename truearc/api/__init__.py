@@ -1,1 +1,1 @@
-"""The Python API, one module per group of names; users reach all of it as `truearc.NAME`."""
+"""The Python API, one module per group of names. All names are available as `truearc.NAME`."""

@@ -1,4 +1,4 @@
-"""Arguments of the API: their kinds, and terms by name or as values."""
+"""Argument types of the API, and resolution of terms given by name or as values."""
 
 from collections.abc import Iterable
 
@@ -8,10 +8,10 @@ from truearc.sim.physics.term import Term
 
 
 def check_kind(argument: str, value: object, kind: type | tuple[type, ...], load: str) -> None:
-    """Refuse an argument of another kind, such as the path of a file that has to be loaded first.
+    """Refuse an argument of the wrong type, such as the path of a file that must be loaded first.
 
     Raises:
-        InputError: names the argument, and the function `load` that makes what is needed.
+        InputError: names the argument, and the function `load` that makes the right type.
     """
     if not isinstance(value, kind):
         raise InputError(f"{argument}: is of type {type(value).__name__}; load it first with truearc.{load}")
@@ -21,7 +21,7 @@ def names_of(terms: Iterable[str | Term] | None, argument: str, among: Catalogue
     """Return the terms' names in the given order; None for None.
 
     Raises:
-        InputError: `terms` is one string or empty, names a term twice, or one that `among` does not have.
+        InputError: `terms` is a single string or empty, names a term twice, or names one that is not in `among`.
     """
     if terms is None:
         return None
@@ -38,10 +38,10 @@ def names_of(terms: Iterable[str | Term] | None, argument: str, among: Catalogue
 
 
 def joined(terms: Iterable[str | Term]) -> Catalogue:
-    """Return the catalogue with those of the terms that are values and not in it.
+    """Return the catalogue extended by the terms that are given as values and not yet in it.
 
     Raises:
-        InputError: a term is incomplete, or its name is taken by another.
+        InputError: a term is incomplete, or another term has its name.
     """
     known = catalogue()
     own = tuple(term for term in terms if isinstance(term, Term) and term not in known.terms)

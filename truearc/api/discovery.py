@@ -1,4 +1,4 @@
-"""Find which physics the simulation lacks, foresee what shots could show, and plan the next ones."""
+"""Find physics that the simulation lacks, predict what shots could show, and plan the next shots."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -18,30 +18,13 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset
+from truearc.sim.discover import finding as settings
 from truearc.sim.discover import investigate as engine
-from truearc.sim.discover.finding import (
-    CONFIGURATIONS,
-    FALSE_ALARM,
-    LEVEL,
-    PLANNED_SHOTS,
-    SEASON_SHOTS,
-    FindingRecord,
-    check_chances,
-    make_json,
-)
+from truearc.sim.discover.identifiability import Sight, foresee, foresee_dataset, is_planned
 from truearc.sim.discover.investigate import Investigation, make_belief, with_worth
-from truearc.sim.discover.plan.identifiability import Sight, foresee, foresee_dataset, is_planned
-from truearc.sim.discover.plan.next_steps import can_design, make_design
+from truearc.sim.discover.next_steps import can_design, make_design
+from truearc.sim.discover.report import pages
 from truearc.sim.discover.report.finding_text import console_lines
-from truearc.sim.discover.report.pages import (
-    SCHEMA,
-    design_lines,
-    design_table,
-    make_report,
-    make_sight_page,
-    plot_residuals,
-    sight_lines,
-)
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.likelihood.layout import Measurement, check_believed, column_of
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
@@ -59,16 +42,16 @@ SHOT_COLUMNS = ("shots", "like", "distance_m", "hood_deg", "motor_ratio", "exit_
 
 @dataclass(frozen=True, eq=False)
 class Finding(FindingReport):
-    """What discovery answers about a dataset.
+    """Result of discovery on a dataset.
 
-    `name`: of the dataset. `investigation`: everything that the report is drawn from. It can be pickled.
+    `name`: name of the dataset. `investigation`: everything that the report shows. It can be pickled.
     """
 
     name: str
     investigation: Investigation
 
     @property
-    def record(self) -> FindingRecord:
+    def record(self) -> settings.FindingRecord:
         """Every figure of the answer, as the JSON schema truearc.finding/1 has it."""
         return self.investigation.finding
 
@@ -78,29 +61,28 @@ class Finding(FindingReport):
         made_at, command: date (None: now) and command line for its head, beside the version and the hash of the data.
         """
         origin = Origin(wall_clock() if made_at is None else made_at, command)
-        save_whole(path, make_report(self.name, self.investigation, origin).encode())
+        save_whole(path, pages.make_report(self.name, self.investigation, origin).encode())
 
     def plot_residuals(self) -> Figure:
-        """Draw real shots less simulation, against what the first effect goes with, before and after putting it in.
+        """Plot residuals against the covariate of the first effect, before and after including the effect.
 
         Raises:
-            InputError: the data carry no test, or nothing that was recorded varies.
+            InputError: the data allow no test, or no recorded covariate varies.
         """
-        figure = plot_residuals(self.investigation)
+        figure = pages.plot_residuals(self.investigation)
         if figure is None:
             raise InputError(f"{self.name}: there are no residuals to plot")
         return figure
 
     def adopt(self) -> Belief:
-        """Return what is believed with the finding put in: fitted coefficients, named effects, their covariance.
+        """Return a belief that includes the finding: fitted coefficients, named effects, their covariance.
 
-        Several terms that cannot be told apart are averaged. What forecasts hold-out shots worse is not adopted;
-        `provenance` of the belief says what was and why.
+        Terms that cannot be distinguished are averaged. An effect that makes forecasts of hold-out shots worse is not
+        adopted; the `provenance` of the belief states what was adopted and why.
 
         Raises:
-            InputError: the data carry no test, so nothing was fitted; or a coefficient, or an error of the tracker,
-                stopped at the end of its range, or tracks and outcomes contradict each other, and there is no belief
-                from before.
+            InputError: the data allow no test, so nothing was fitted; or, without an earlier belief, a coefficient or a
+                tracker error is at the end of its range, or tracks and outcomes contradict each other.
         """
         with about(self.name, ValueError):
             belief, provenance = make_belief(self.investigation, self.investigation.choice)
@@ -117,28 +99,28 @@ class Finding(FindingReport):
                                            "rig": self.investigation.launcher})
 
     def lines(self) -> list[str]:
-        """Return the report: the verdict in a sentence, and a few lines below it."""
+        """Return the report: a sentence with the verdict, followed by a few lines."""
         return console_lines(self.record, self.investigation.catalogue)
 
 
 def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterable[str | Term] | None = None,
              terms: Iterable[Term] | None = None, since: Dataset | None = None,
              measured: Mapping[str, tuple[float, float]] | None = None, seed: int = 0,
-             false_alarm: float = FALSE_ALARM, accept: Collection[str] = (),
+             false_alarm: float = settings.FALSE_ALARM, accept: Collection[str] = (),
              progress: Progress = lambda done, note: None) -> Finding:
-    """Test whether a dataset disagrees with the simulation, say where, and rank the terms that explain it.
+    """Test whether a dataset disagrees with the simulation, locate the mismatch, and rank the terms that explain it.
 
     Args:
         dataset: Shots with outcomes, heights or tracks.
-        belief: Coefficients of this very rig from an earlier session: its terms, with their uncertainty, are the
-            baseline model, and whether one has changed is tested, too.
-        believe: Instead of a belief, the terms of the baseline model; None: [believe] of the rig. Gravity is always
-            there. Their coefficients are fitted.
+        belief: Coefficients of the same rig from an earlier session. Its terms, with their uncertainty, are the
+            baseline model and are also tested for changes.
+        believe: Instead of a belief, the terms of the baseline model, whose coefficients are fitted; None: [believe] of
+            the rig. Gravity is always included.
         terms: Candidate terms, such as [*catalogue(), HoodFlex()]; None: those of the belief, or of the catalogue.
-        since: The dataset that `belief` was adopted from: misfit present there, too, is not evidence of change.
-        measured: {term: (value, standard deviation)} of amplitudes measured without a shot, in the term's unit.
-        seed: Of everything drawn at random; the same data and seed give the same finding.
-        false_alarm: Probability of a finding where nothing is missing, 0.002 to 1.
+        since: The dataset that `belief` was adopted from. Misfit that is also present there is not evidence of change.
+        measured: {term: (value, standard deviation)} of amplitudes measured without shots, in the term's unit.
+        seed: Seed of all random draws; the same data and seed give the same finding.
+        false_alarm: Probability of a finding if nothing is missing, 0.002 to 1.
         accept: Names of plausibility checks (truearc.sim.check) whose objections are accepted; recorded.
         progress: Called with the share done, 0 to 1, and a note.
 
@@ -148,7 +130,7 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
         InputError: implausible data, an unknown term, contradicting arguments, too few shots, or outcomes without a
             target.
     """
-    check_chances(false_alarm, seed)
+    settings.check_chances(false_alarm, seed)
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
     if belief is not None and believe is not None:
@@ -193,8 +175,8 @@ def _measured(measured: Mapping[str, tuple[float, float]], among: Catalogue) -> 
 
 @dataclass(frozen=True)
 class Identifiability(Printed):
-    """What shots of a kind could show of each term. `name`: of rig or dataset; `sight`: every figure; `sha256`: of the
-    dataset's content, or the rig's."""
+    """Detectability of each term with shots of a kind. `name`: of the rig or dataset; `sight`: all figures; `sha256`:
+    hash of the dataset's or rig's content."""
 
     name: str
     sight: Sight
@@ -202,19 +184,19 @@ class Identifiability(Printed):
     sha256: str = ""
 
     def table(self) -> Table:
-        """Return a row per term, most easily seen first.
+        """Return a row per term, the most easily detected first.
 
-        usual, smallest: its usual amplitude and the smallest seen with these shots, in `unit`. power: probability of
-        seeing it at its usual size. shots_needed: for that with power 0.8; None: no number of shots, `why_not` says
-        why. share_left: of its information after the fitted numbers. like, correlation: the most similar other term.
+        usual, smallest: usual and smallest detectable amplitude, in `unit`. power: probability of detecting the usual
+        size. shots_needed: shots for power 0.8; None: no number is enough, for the reason in `why_not`. share_left:
+        share of its information that the fitted numbers leave. like, correlation: the most similar other term.
         """
         return Table(TERM_COLUMNS, tuple(
             (one.term, one.stage, one.unit, one.usual, one.smallest, one.power, one.shots_needed, one.share_left,
              one.like, one.correlation, one.why) for one in self.sight.terms))
 
     def to_json(self) -> str:
-        """Return the answer as JSON (schema truearc.identifiability/1)."""
-        return make_json(self.sight).decode()
+        """Return the result as JSON (schema truearc.identifiability/1)."""
+        return settings.make_json(self.sight).decode()
 
     def to_html(self, path: str | Path, *, made_at: str | None = None, command: str = IN_PYTHON) -> None:
         """Write the report as one HTML file; OSError where it cannot be written.
@@ -222,11 +204,11 @@ class Identifiability(Printed):
         made_at, command: date (None: now) and command line for its head, beside the version and the hash of the data.
         """
         origin = Origin(wall_clock() if made_at is None else made_at, command, self.sha256)
-        save_whole(path, make_sight_page(self.name, self.sight, self.catalogue, origin).encode())
+        save_whole(path, pages.make_sight_page(self.name, self.sight, self.catalogue, origin).encode())
 
     def lines(self) -> list[str]:
-        """Return the report: how many terms would be seen, and a line per term."""
-        return sight_lines(self.sight, self.catalogue)
+        """Return the report: the number of detectable terms, and a line per term."""
+        return pages.sight_lines(self.sight, self.catalogue)
 
 
 def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, shots: int | None = None,
@@ -234,23 +216,23 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
                     sides: bool = False, seed: int | None = None, name: str | None = None,
                     accept: Collection[str] = (),
                     progress: Progress = lambda done, note: None) -> Identifiability:
-    """Work out which terms shots could show, before any result is known.
+    """Compute which terms shots could reveal, before any result is known.
 
     Args:
-        rig_or_dataset: A rig: a season of shots is planned for it. A dataset: its own shots, with or without results.
-        level: Rig only: what is recorded: "L0" outcomes (the default), "L1" telemetry too, "L2" tracks too.
-        shots: Rig only: shots of the season, 300 when None.
-        believe: Terms whose coefficients are fitted anyway; None: [believe] of the rig.
+        rig_or_dataset: A rig, for which a season of shots is planned, or a dataset with or without results.
+        level: Rig only: recorded data, "L0" outcomes (the default), "L1" also telemetry, "L2" also tracks.
+        shots: Rig only: number of shots in the season; None: 300.
+        believe: Terms of the baseline model, whose coefficients are fitted; None: [believe] of the rig.
         terms: Candidate terms; None: the catalogue.
-        sides: High or low is noted of every miss.
-        seed: Of the planned season, or of where shots without results pass; 0 when None.
-        name: Of it in the report; None: the dataset's name, or "rig".
+        sides: Whether every miss is recorded as high or low.
+        seed: Seed of the planned season, or of the heights of shots without results; None: 0.
+        name: Name in the report; None: the dataset's name, or "rig".
         accept: Names of plausibility checks whose objections are accepted.
         progress: Called with the share done, 0 to 1, and a note.
 
     Raises:
         InputError: an implausible rig or dataset, an unknown level or term, too few shots, a target that is missing or
-            out of reach, level or shots given with a dataset, or sides or seed with one that has results.
+            out of reach, level or shots given with a dataset, or sides or seed given with a dataset that has results.
     """
     check_kind("rig_or_dataset", rig_or_dataset, (Rig, Dataset), "load_rig(...) or truearc.load_dataset(...)")
     rig = rig_or_dataset.rig if isinstance(rig_or_dataset, Dataset) else rig_or_dataset
@@ -267,17 +249,17 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
             raise InputError(f"{option}: applies to planned shots only; these have results")
         sight = foresee_dataset(rig_or_dataset, believed, sides, seed or 0, progress, among)
         return Identifiability(name or rig_or_dataset.name, sight, among, hash_dataset(data))
-    sight = foresee(rig, believed, LEVEL if level is None else level, SEASON_SHOTS if shots is None else shots, sides,
-                    seed or 0, progress, among)
+    sight = foresee(rig, believed, settings.LEVEL if level is None else level,
+                    settings.SEASON_SHOTS if shots is None else shots, sides, seed or 0, progress, among)
     return Identifiability(name or "rig", sight, among, hash_dataset(data))
 
 
 @dataclass(frozen=True)
 class ShotDesign(Printed):
-    """Shots that would best tell the remaining candidate terms apart.
+    """Shots that would best separate the remaining candidate terms.
 
-    `sentence`, `verdict`: of the finding. `plan`: plain values as in schema truearc.design/1; empty where there are no
-    two terms to tell apart. `level`: of the shots, L0, L1 or L2.
+    `sentence`, `verdict`: those of the finding. `plan`: plain values as in schema truearc.design/1; empty if there are
+    no two terms to separate. `level`: level of the shots, L0, L1 or L2.
     """
 
     sentence: str
@@ -288,49 +270,49 @@ class ShotDesign(Printed):
 
     @property
     def probability_before(self) -> float | None:
-        """That the right term stands alone (95 %) with the present shots; None without terms to tell apart."""
+        """Probability that the right term alone has 95 % with the present shots; None without terms to separate."""
         return self.plan.get("probability_before")
 
     @property
     def probability_after(self) -> float | None:
-        """The same, once the planned shots have been made."""
+        """The same probability after the planned shots."""
         return self.plan.get("probability_after")
 
     def table(self) -> Table:
-        """Return a row per configuration: shots to make, and settings as in shots.csv; `like`: the shot_id that it
-        repeats, `pace`: its wheels' speed over that shot's, None: the same."""
+        """Return a row per configuration: number of shots, and settings as in shots.csv. `like`: shot_id of the
+        repeated shot; `pace`: its wheel speed relative to that shot, None: the same."""
         shoot = [one for one in self.plan.get("next", ()) if one["do"] == "shoot"]
         return Table(SHOT_COLUMNS, tuple(tuple(one.get(name) for name in SHOT_COLUMNS) for one in shoot))
 
     def to_json(self) -> str:
         """Return the plan as JSON (schema truearc.design/1)."""
-        table = {"schema": SCHEMA, "verdict": self.verdict, "next": [], **self.plan}
+        table = {"schema": pages.SCHEMA, "verdict": self.verdict, "next": [], **self.plan}
         return (msgspec.json.format(msgspec.json.encode(table), indent=1) + b"\n").decode()
 
     def lines(self) -> list[str]:
-        """Return the report: the finding's sentence, then the shots, or that there is nothing to tell apart."""
+        """Return the report: the finding's sentence, then the shots, or a note that there is nothing to separate."""
         told = ["There are no names to tell apart by shots."]
         if "names" in self.plan:
-            told = design_lines(self.plan, self.catalogue)
+            told = pages.design_lines(self.plan, self.catalogue)
             told += [UNPROVEN] if self.level == "L1" else []
         elif self.plan:
             told = [f"Measure {one['what']}: it would show {', '.join(one['shows'])}." for one in self.plan["next"]]
         return [self.sentence, *told]
 
 
-def design_shots(dataset: Dataset, found: Finding, *, shots: int = PLANNED_SHOTS,
-                 configurations: int = CONFIGURATIONS, seed: int = 0) -> ShotDesign:
-    """Choose the shots, of those that the robot can take, that best tell a finding's candidate terms apart.
+def design_shots(dataset: Dataset, found: Finding, *, shots: int = settings.PLANNED_SHOTS,
+                 configurations: int = settings.CONFIGURATIONS, seed: int = 0) -> ShotDesign:
+    """Choose the feasible shots that best separate a finding's candidate terms.
 
     Args:
         dataset: The shots of the finding.
         found: Result of `discover` with that dataset.
-        shots: How many to plan.
-        configurations: That they are shared out to.
-        seed: Of the simulated outcomes.
+        shots: Number of shots to plan.
+        configurations: Number of configurations to distribute them over.
+        seed: Seed of the simulated outcomes.
 
     Raises:
-        InputError: an argument of another type, or fewer shots than configurations.
+        InputError: an argument of the wrong type, or fewer shots than configurations.
     """
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     check_kind("found", found, Finding, "discover(...)")
@@ -339,7 +321,8 @@ def design_shots(dataset: Dataset, found: Finding, *, shots: int = PLANNED_SHOTS
     steps, record, among = found.investigation.steps, found.record, found.investigation.catalogue
     plan: dict[str, Any] = {}
     if steps and can_design(steps[0]):
-        plan = design_table(make_design(steps[0], shots, configurations, seed), dataset.in_order(), steps[0], among)
+        made = make_design(steps[0], shots, configurations, seed)
+        plan = pages.design_table(made, dataset.in_order(), steps[0], among)
     elif record.verdict == "none" and record.next:
         plan = {"next": [dict(step) for step in record.next]}
     return ShotDesign(record.sentence, record.verdict, plan, among, record.data.level)

@@ -1,4 +1,4 @@
-"""Play the emulated robot."""
+"""Run the emulated robot."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -20,19 +20,19 @@ KINDS = ("three", "two-high", "two", "two-low", "miss-high", "miss-low")
 
 @dataclass(frozen=True)
 class Emulation(Printed):
-    """What became of each ball that the emulated robot launched; `where`: its session's folder, or its bus; `held`: how
-    many trials were held for a reason, by one of its texts."""
+    """Result of each ball that the emulated robot launched. `where`: its session folder, or its bus; `held`: number of
+    held trials for each reason, by one of its texts."""
 
     where: str | Path
     balls: tuple[BallResult, ...]
     held: Mapping[str, int] = field(default_factory=dict)
 
     def table(self) -> Table:
-        """Return a row per ball: configuration, launch, where it crossed the target's plane, and its outcome."""
+        """Return a row per ball: configuration, launch, position at the target's plane, and outcome."""
         return Table(BallResult._fields, self.balls)
 
     def lines(self) -> list[str]:
-        """Return how many balls were launched, and how many had each outcome."""
+        """Return the number of balls launched, and the number with each outcome."""
         counts = Counter(ball.outcome for ball in self.balls)
         marks = ", ".join(f"{counts[kind]} {kind}" for kind in KINDS if counts[kind])
         return [f"{self.where}: {len(self.balls)} ball{'s' * (len(self.balls) != 1)} launched"
@@ -46,22 +46,22 @@ def emulate(config: Config, folder: str | Path, trials: int, seed: int, options:
     """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world.
 
     Args:
-        config: Of the launcher (`load_config`).
-        folder: Session folder to make.
-        trials: How many balls are launched, at most, or held.
-        seed: Of the world and the driver.
-        options: How the world differs from the rig of the configuration; None: not at all.
-        gate_path: ONNX gate that must agree before the robot fires; the policy becomes "model".
+        config: Configuration of the launcher (`load_config`).
+        folder: Session folder to create.
+        trials: Maximum number of trials, launched or held.
+        seed: Seed of the world and the driver.
+        options: Differences of the world from the rig of the configuration; None: no difference.
+        gate_path: ONNX gate that must agree before the robot fires; sets the policy to "model".
         progress: Called with the share done, 0 to 1, and a note.
-        page: Shows the ticks, as the operator page does; time then passes no faster than it does.
-        aim_path: Aim file (`truearc aim --robot`) to aim by; the aim policy becomes "belief".
+        page: Screen that shows the ticks, such as the operator page; time then runs no faster than real time.
+        aim_path: Aim file (`truearc aim --robot`) to use; sets the aim policy to "belief".
 
     Returns:
         The true result of each ball, for tests and reports; neither runtime nor fit may see it.
 
     Raises:
-        InputError: the folder exists, the gate is not one, the aim file is not one or for another rig, or the
-            configuration asks for an aim file and there is none.
+        InputError: the folder exists, the gate or aim file is invalid, the aim file is for another rig, or the
+            configuration requires an aim file and none is given.
         OSError: the session cannot be written.
     """
     folder = Path(folder)

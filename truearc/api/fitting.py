@@ -34,11 +34,11 @@ POOLED_COLUMNS = ("parameter", "value", "low90", "high90", "unit", "differs", "d
 
 @dataclass(frozen=True, eq=False)
 class Fit(Printed):
-    """Maximum a posteriori estimates of terms, launch scatter and a tracker's errors.
+    """Maximum a posteriori (MAP) estimates of terms, launch scatter and tracker errors.
 
-    `intervals`: 90 % profile intervals, one per parameter, in its own unit; empty where the search did not converge.
-    `holdout`: how well outcomes are predicted that the fit had not seen; None with fewer than two groups of outcomes.
-    `solution`: the optimum with its curvature.
+    `intervals`: 90 % profile intervals, one per parameter, in its own unit; empty if the search did not converge.
+    `holdout`: scores of predicted hold-out outcomes; None with fewer than two groups of outcomes. `solution`: the
+    optimum with its curvature.
     """
 
     dataset: Dataset
@@ -48,25 +48,25 @@ class Fit(Printed):
 
     @property
     def converged(self) -> bool:
-        """Whether the search for the most probable parameters settled; if not, do not use the fit."""
+        """Whether the search for the most probable parameters converged; if not, do not use the fit."""
         return self.solution.converged
 
     @cached_property
     def belief(self) -> Belief:
-        """The estimates with their covariance and where they came from; InputError for a fit that did not converge."""
+        """The estimates with their covariance and provenance; InputError for a fit that did not converge."""
         if not self.converged:
             raise InputError(f"{self.dataset.name}: the search for the most probable parameters did not settle: the "
                              "shots or rig.toml contradict each other, or fewer terms are enough")
         return replace(self.solution.belief, provenance=self._provenance())
 
     def table(self) -> Table:
-        """Return a row per parameter: value and ends of its 90 % interval, in `unit`; closed: the data bound it."""
+        """Return a row per parameter: value and ends of its 90 % interval, in `unit`; closed: bounded by the data."""
         units = {one.name: one.unit for one in self.solution.sought}
         return Table(COLUMNS, tuple((one.name, one.value, one.low90, one.high90, units[one.name], one.closed)
                                     for one in self.intervals))
 
     def lines(self) -> list[str]:
-        """Return the report: data used, what cannot be told apart, estimates, scatter, hold-out score."""
+        """Return the report: data used, aliased parameters, estimates, scatter, hold-out score."""
         return [*(f"warning: {line}" for line in self.dataset.accepted),
                 *fit_lines(self.solution, self.intervals, self.holdout)]
 
@@ -88,9 +88,9 @@ class Fit(Printed):
 
 @dataclass(frozen=True, eq=False)
 class GridSearch(Printed):
-    """The paper's search: the pair of drag and lift coefficient under which most outcomes are reproduced.
+    """Result of the paper's search: the drag and lift coefficients that reproduce the most outcomes.
 
-    `step`: of the grid. `solution`: the whole map, the tied pairs and the chosen one. `accuracy`: of the chosen pair.
+    `step`: grid step. `solution`: the whole map, the tied pairs and the chosen one. `accuracy`: of the chosen pair.
     """
 
     dataset: Dataset
@@ -100,13 +100,13 @@ class GridSearch(Printed):
 
     @property
     def belief(self) -> Belief:
-        """The chosen pair, without a covariance: the grid gives none."""
+        """The chosen pair, without a covariance, since the grid gives none."""
         said = provenance_of(self.step, self.dataset, self.solution, self.accuracy)
         return replace(point_belief(self.solution.coefficients), provenance=said)
 
     def save_map(self, path: str | Path) -> None:
-        """Write an npz file: axis, share_three, share_two, tied, and mean_deviation_m (nan where no three is
-        reproduced); rows cd, columns cl."""
+        """Write an npz file: axis, share_three, share_two, tied, mean_deviation_m (NaN without a three); rows cd,
+        columns cl."""
         found = self.solution
         mean_m = np.full(found.share_three.shape, np.nan)
         at = np.nonzero((found.share_three > 0.0) | found.tied)
@@ -116,7 +116,7 @@ class GridSearch(Printed):
                                 mean_deviation_m=mean_m, tied=found.tied)
 
     def plot(self) -> Figure:
-        """Draw three-point accuracy over drag and lift, with the tied pairs and the chosen one."""
+        """Plot three-point accuracy over drag and lift, with the tied pairs and the chosen one."""
         return draw_map(self.dataset, self.solution)
 
     def table(self) -> Table:
@@ -144,23 +144,23 @@ def fit(dataset: Dataset, *, method: Literal["grid"], step: float = STEP, accept
 def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: str = "map",
         step: float | None = None, accept: Collection[str] = (),
         progress: Progress = lambda done, note: None) -> Fit | GridSearch:
-    """Fit parameters of the physics to everything that a dataset records.
+    """Fit parameters of the physics to all data of a dataset.
 
     Args:
         dataset: Shots with outcomes, heights, exit measurements or tracks.
-        terms: Terms to fit, by name or as values (the user's own, too); None: [believe] of the rig. Gravity is always
-            there.
-        method: "map": maximum a posteriori of all records, with 90 % intervals. "grid": the paper's search over drag
-            and lift by outcomes alone; terms do not apply.
-        step: Grid only: distance of neighbouring coefficients; divides 5.
+        terms: Terms to fit, by name or as values, including your own; None: [believe] of the rig. Gravity is always
+            included.
+        method: "map" for MAP estimates from all data, with 90 % intervals; "grid" for the paper's search over drag and
+            lift by outcomes alone; terms do not apply.
+        step: Grid only: step between neighbouring coefficients; divides 5.
         accept: Names of plausibility checks (truearc.sim.check) whose objections are accepted; recorded.
         progress: Called with the share done, 0 to 1, and a note.
 
     Returns:
-        Fit, or GridSearch for "grid": both have `.belief`, `.table()` and print as a report.
+        Fit, or GridSearch for "grid"; both have `.belief` and `.table()` and print as a report.
 
     Raises:
-        InputError: implausible data, an unknown term or method, an argument of the other method, or nothing to fit to.
+        InputError: implausible data, an unknown term or method, an argument of the other method, or no usable data.
     """
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     dataset = check_plausible(dataset, accept)
@@ -197,9 +197,9 @@ def _fit_map(dataset: Dataset, terms: Iterable[str | Term] | None, progress: Pro
 
 @dataclass(frozen=True, eq=False)
 class Pooled(Printed):
-    """Numbers that several rigs or sessions have in common, and by how much they differ.
+    """Pooled numbers of several rigs or sessions, with their common values and differences.
 
-    `fits`: of each, in the order given. `names`: of the pooled numbers. `solution`: the posterior, on their scales.
+    `fits`: the members' fits, in order. `names`: the pooled numbers. `solution`: the posterior, on their scales.
     """
 
     fits: tuple[Fit, ...]
@@ -208,8 +208,7 @@ class Pooled(Printed):
 
     @cached_property
     def belief(self) -> Belief:
-        """For a further session or rig of this kind: the common numbers, as uncertain as they are and members differ.
-        """
+        """Belief for a further session or rig of this kind, with the uncertainty of common numbers and members."""
         first = self.fits[0].belief
         solutions = [fit.solution.belief for fit in self.fits]
         coefficients = {term: dict(values) for one in solutions for term, values in one.coefficients.items()}
@@ -232,8 +231,8 @@ class Pooled(Printed):
         return one_rig([fit.solution for fit in self.fits])
 
     def table(self) -> Table:
-        """Return a row per number: what is common with its 90 % interval, in `unit`, and how much members differ: the
-        standard deviation on the number's scale (of a logarithm: a share) with its 90 % interval."""
+        """Return a row per number: the common value with its 90 % interval, in `unit`, and the standard deviation
+        between members on the number's scale (of a logarithm: a share) with its 90 % interval."""
         common, covariance = self.solution.common
         error = Z90 * np.sqrt(np.diag(covariance))
         tau = np.quantile(self.solution.tau, [0.5, 0.05, 0.95], axis=0).T
@@ -242,8 +241,7 @@ class Pooled(Printed):
                                     for name, numbers, differs in zip(self.names, ends, tau, strict=True)))
 
     def members(self) -> Table:
-        """Return a row per dataset and number: by its own shots, and given all datasets, each with its 90 % interval.
-        """
+        """Return a row per dataset and number: estimates by its own and by all shots, with 90 % intervals."""
         rows = []
         for fit, own, sd in zip(self.fits, self.solution.own, self.solution.own_sd, strict=True):
             alone = {one.name: (one.value, one.low90, one.high90) for one in fit.intervals}
@@ -254,7 +252,7 @@ class Pooled(Printed):
                      tuple(rows))
 
     def lines(self) -> list[str]:
-        """Return the report: what is common, by how much members differ, and each member's numbers."""
+        """Return the report: the common numbers, the differences between members, and each member's numbers."""
         what = "sessions of one rig" if self._one_rig else "rigs"
         shots = [len(fit.solution.scores.rows) for fit in self.fits]
         head = f"{len(self.fits)} fits pooled as {what}: {sum(shots)} shots ({', '.join(map(str, shots))})"
@@ -294,16 +292,16 @@ def _interval(value: float | None, low: float | None, high: float | None) -> str
 def pool(fits: Sequence[Fit], *, seed: int = 0) -> Pooled:
     """Pool fits of several rigs, or of several sessions of one, whose numbers may differ.
 
-    Each number of a member is normal about what members have in common, with a standard deviation that is fitted too:
-    members that agree are averaged, members that differ keep what is theirs (partial pooling). Sessions of one rig are
-    expected to differ by less than rigs. A tracker's errors are each member's own.
+    Each number of a member is normally distributed about the common value, with a standard deviation that is also
+    fitted: members that agree are averaged, members that differ keep their own values (partial pooling). Sessions of
+    one rig are expected to differ less than rigs. Tracker errors are not pooled.
 
     Args:
         fits: Two or more, of the same terms.
-        seed: Of the posterior's draws.
+        seed: Seed of the posterior draws.
 
     Returns:
-        Pooled: `.belief` is for a further session or rig, `.table()` what is common, `.members()` each one's numbers.
+        Pooled: `.belief` for a further session or rig, `.table()` of common numbers, `.members()` of each member's.
 
     Raises:
         InputError: fewer than two fits, fits of different terms or of the same data, no number to pool, or a fit that

@@ -1,4 +1,4 @@
-"""Follow the shots since a belief, and propose another where something has changed."""
+"""Monitor the shots since a belief, and propose another belief if something has changed."""
 
 import hashlib
 from collections.abc import Collection, Iterable
@@ -18,17 +18,8 @@ from truearc.sim.aim.make_table import AimRow
 from truearc.sim.aim.solve import chances_of
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover import finding as settings
 from truearc.sim.discover.detect.always_valid import ChangeTest
-from truearc.sim.discover.finding import (
-    FALSE_ALARM,
-    AimProposal,
-    BeliefFile,
-    ProposedEffect,
-    SetPointChange,
-    check_chances,
-    make_json,
-    with_id,
-)
 from truearc.sim.discover.investigate import follow_shots
 from truearc.sim.discover.report.finding_text import either, plain, say_effect
 from truearc.sim.infer.belief import Belief
@@ -42,11 +33,11 @@ COLUMNS = ("shot", "e_value", "alarm")
 
 @dataclass(frozen=True, eq=False)
 class Following(Printed):
-    """The marked shots since a belief, in their order, and whether something changed.
+    """The marked shots since a belief, in order, and the test for a change.
 
-    dataset: the shots; belief: that they are tested against; test: e-values after each shot; false_alarm: probability
-    of an alarm in an endless session in which nothing changes, looked at after every shot; accept: plausibility checks
-    whose objections are accepted.
+    dataset: the shots; belief: the tested belief; test: e-values after each shot; false_alarm: probability of an alarm
+    in an endless session without changes, tested after every shot; accept: plausibility checks whose objections are
+    accepted.
     """
 
     dataset: Dataset
@@ -58,18 +49,18 @@ class Following(Printed):
 
     @property
     def e_values(self) -> tuple[float, ...]:
-        """After each shot, how much likelier its outcomes are if something changed."""
+        """E-value after each shot: how much more probable the outcomes are if something changed."""
         return tuple(map(float, self.test.e_value))
 
     @property
     def alarm(self) -> int | None:
-        """Number of the shot with the alarm, from 1; None where there is none."""
+        """Number of the shot with the alarm, from 1; None without an alarm."""
         place = self.test.alarm(self.false_alarm)
         return None if place is None else place + 1
 
     @cached_property
     def since(self) -> int | None:
-        """Number of the shot from which on the change is likeliest, from 1; None without an alarm."""
+        """Number of the most likely first shot after the change, from 1; None without an alarm."""
         return None if self.alarm is None else self.test.since(len(self.test.rows) - 1)[0] + 1
 
     def shot(self, number: int) -> str:
@@ -78,14 +69,14 @@ class Following(Printed):
 
     @property
     def can_be_named(self) -> bool:
-        """Whether there was an alarm, and enough shots have followed the change to say what it is."""
+        """Whether there was an alarm and enough shots have followed the change to identify it."""
         return self.since is not None and len(self.test.rows) - self.since + 1 >= FEWEST_SINCE
 
     def find(self, progress: Progress = lambda done, note: None) -> Finding:
-        """Discover what changed, in the shots since the change.
+        """Run discovery on the shots since the change.
 
         Raises:
-            InputError: there was no alarm, or too few shots have followed it; or as `discover` does.
+            InputError: there was no alarm, too few shots have followed it, or an error of `discover`.
         """
         if self.since is None:
             raise InputError(f"{self.dataset.name}: no alarm, so there is nothing to find")
@@ -102,7 +93,7 @@ class Following(Printed):
                                     for k, e_value in enumerate(self.e_values)))
 
     def lines(self) -> list[str]:
-        """Return how likely a change is after the last shot."""
+        """Return the e-value and alarm after the last shot as text."""
         e_value = self.test.e_value
         head = (f"{len(e_value)} shots: e-value {e_value[-1]:.3g}, largest {e_value.max():.3g}; alarm from "
                 f"{1.0 / self.false_alarm:g} on")
@@ -113,25 +104,25 @@ class Following(Printed):
                       f"({self.shot(since)})"]
 
 
-def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = FALSE_ALARM, seed: int = 0,
+def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = settings.FALSE_ALARM, seed: int = 0,
            accept: Collection[str] = ()) -> Following:
-    """Test the shots since a belief for a change, with an answer that is valid after every shot.
+    """Test the shots since a belief for a change, with a result that is valid after every shot.
 
-    Call it again as the dataset grows: however often it is looked at, the probability of an alarm is at most
-    `false_alarm` if the launcher is one of those that the belief holds possible.
+    Call it again as the dataset grows: the probability of an alarm is at most `false_alarm` in any number of calls if
+    the belief describes the launcher.
 
     Args:
-        dataset: Shots with outcomes or heights, of the rig that the belief is of.
+        dataset: Shots with outcomes or heights, of the belief's rig.
         belief: Coefficients, scatter and covariance, from an earlier session.
-        false_alarm: Probability of an alarm where nothing changes.
-        seed: Of the draws from the belief.
+        false_alarm: Probability of an alarm if nothing changes.
+        seed: Seed of the draws from the belief.
         accept: Names of plausibility checks whose objections are accepted.
 
     Raises:
         InputError: implausible data; no shot has an outcome or a height with its distance and launch; or outcomes
             without a target.
     """
-    check_chances(false_alarm, seed)
+    settings.check_chances(false_alarm, seed)
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     check_kind("belief", belief, Belief, "load_belief(...)")
     dataset = check_plausible(dataset, accept).in_order()
@@ -140,31 +131,31 @@ def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = FALSE_ALARM
 
 @dataclass(frozen=True, eq=False)
 class Proposed(Printed):
-    """A belief to accept or not: what changed, the set points by both beliefs, and the file's content."""
+    """Proposed belief: the change, the set points under both beliefs, and the content of the file."""
 
-    proposal: AimProposal
+    proposal: settings.AimProposal
     belief: Belief
     before: AimTable
     after: AimTable
 
     def to_json(self) -> str:
         """Return the proposal as JSON (schema truearc.proposal/1)."""
-        return make_json(self.proposal).decode()
+        return settings.make_json(self.proposal).decode()
 
     def lines(self) -> list[str]:
         """Return the proposal in one line."""
         return [self.proposal.sentence]
 
 
-def propose(following: Following, finding: Finding, rig: Rig, files: tuple[BeliefFile, str],
+def propose(following: Following, finding: Finding, rig: Rig, files: tuple[settings.BeliefFile, str],
             distances_m: Iterable[float] | None = None,
             progress: Progress = lambda done, note: None) -> Proposed:
-    """Make a proposal of what was found since the change.
+    """Make a proposal from the finding on the shots since the change.
 
-    files: the file of the belief that was followed, and the name for that of the proposed one.
+    files: the file of the present belief, and the name for the file of the proposed one.
 
     Raises:
-        InputError: nothing was found that is worth adopting, with the reason; or as `aim` does.
+        InputError: no effect is worth adopting, with the reason, or an error of `aim`.
     """
     belief = finding.adopt()
     if why := _refused(following, finding, belief):
@@ -173,13 +164,14 @@ def propose(following: Following, finding: Finding, rig: Rig, files: tuple[Belie
     before, after = (aim(one, rig, distances_m=places, hood_deg=_hood(following.belief), progress=progress)
                      for one in (following.belief, belief))
     rows = tuple(_change(rig, belief, place, before, after) for place in places)
-    effects = tuple(ProposedEffect(one.term, one.probability, one.value, *one.interval90, one.unit, one.sentence)
-                    for one in finding.effects if one.term in _adopted(belief))
+    adopted = _adopted(belief)
+    effects = tuple(settings.ProposedEffect(one.term, one.probability, one.value, *one.interval90, one.unit,
+                                            one.sentence) for one in finding.effects if one.term in adopted)
     alarm, since = following.alarm or 1, following.since or 1
     name = files[1]
-    made = AimProposal("", None, _say(finding, since, rows, following), effects, following.shot(since), since,
+    made = settings.AimProposal("", None, _say(finding, since, rows, following), effects, following.shot(since), since,
                     following.shot(alarm), len(following.test.rows), float(following.test.e_value.max()),
-                    following.false_alarm, files[0], BeliefFile(name, ""), rows)
+                    following.false_alarm, files[0], settings.BeliefFile(name, ""), rows)
     return Proposed(made, belief, before, after)
 
 
@@ -205,9 +197,9 @@ def _refused(following: Following, finding: Finding, belief: Belief) -> str:
 
 
 def sealed(proposed: Proposed, content: bytes, made_at: str | None = None) -> Proposed:
-    """The same with its id, the hash of the proposed belief's file, whose bytes are `content`, and the time (ISO)."""
-    after = BeliefFile(proposed.proposal.after.file, hashlib.sha256(content).hexdigest())
-    return replace(proposed, proposal=with_id(structs.replace(proposed.proposal, after=after, t=made_at)))
+    """Return the proposal with its id (the hash of the belief's file, whose bytes are `content`) and ISO time."""
+    after = settings.BeliefFile(proposed.proposal.after.file, hashlib.sha256(content).hexdigest())
+    return replace(proposed, proposal=settings.with_id(structs.replace(proposed.proposal, after=after, t=made_at)))
 
 
 def _adopted(belief: Belief) -> set[str]:
@@ -232,17 +224,17 @@ def _row(table: AimTable, distance_m: float) -> AimRow | None:
     return next((one for one in table.rows if abs(one.distance_m - distance_m) < 1e-9), None)
 
 
-def _change(rig: Rig, belief: Belief, distance_m: float, before: AimTable, after: AimTable) -> SetPointChange:
+def _change(rig: Rig, belief: Belief, distance_m: float, before: AimTable, after: AimTable) -> settings.SetPointChange:
     old, new = _row(before, distance_m), _row(after, distance_m)
     kept = None
     if old is not None:
         kept = float(chances_of(rig, belief, *(np.array([one]) for one in (
             distance_m, old.hood_deg, old.motor_ratio))).points[0])
-    return SetPointChange(distance_m, old and old.hood_deg, new and new.hood_deg, old and old.motor_rad_s,
+    return settings.SetPointChange(distance_m, old and old.hood_deg, new and new.hood_deg, old and old.motor_rad_s,
                           new and new.motor_rad_s, new and new.points, kept)
 
 
-def _say(finding: Finding, since: int, rows: tuple[SetPointChange, ...], following: Following) -> str:
+def _say(finding: Finding, since: int, rows: tuple[settings.SetPointChange, ...], following: Following) -> str:
     """One line for the driver: what, since when, and what the aim does about it."""
     known = [row for row in rows if row.motor_before_rad_s is not None and row.motor_after_rad_s is not None]
     middle = float(np.nanmedian(following.dataset.shots.number("distance_m")))

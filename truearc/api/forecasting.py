@@ -1,4 +1,4 @@
-"""Forecast shots by a belief or a gate, and find the set points that a belief scores most with."""
+"""Forecast shots with a belief or a gate, and find the set points that score most under a belief."""
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -17,13 +17,22 @@ from truearc.model_export.verify import HEADER as RATING_COLUMNS
 from truearc.model_export.verify import rate_shots
 from truearc.robot.aim_file import check_rig, load_aim
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.unit_table import CONVERTED
+from truearc.robot.config.shot_map import CONVERTED
 from truearc.robot.gate import load_gate
-from truearc.sim.aim.export import TEAMS, AimCheck, aim_bytes, check_aim_file, cpp_text, java_text
-from truearc.sim.aim.make_table import RPM, AimRow, draw_aim, make_rows
+from truearc.sim.aim.make_table import (
+    RPM,
+    TEAMS,
+    AimCheck,
+    AimRow,
+    aim_bytes,
+    check_aim_file,
+    cpp_text,
+    draw_aim,
+    java_text,
+    make_rows,
+)
 from truearc.sim.check.check import check_plausible
-from truearc.sim.data.conditions import circumstances_of
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.dataset import Dataset, Shots, circumstances_of
 from truearc.sim.infer.belief import Belief, along
 from truearc.sim.infer.likelihood.data import every_column
 from truearc.sim.physics.simulate import classify, opening_of
@@ -45,25 +54,25 @@ FARTHEST_M = 100.0
 
 def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path | None = None,
             accept: Collection[str] = (), progress: Progress = lambda done, note: None) -> Table:
-    """Forecast each shot of a dataset, by a belief or by an exported gate.
+    """Forecast each shot of a dataset with a belief or an exported gate.
 
     Args:
         dataset: Shots with distance_m [m], hood_deg [deg] and motor_ratio [1] (or wheel speeds, for a belief).
-        belief: Coefficients to fly the shots with.
+        belief: Coefficients for the forecasts.
         gate: ONNX file of a gate, instead of a belief.
         accept: Names of plausibility checks whose objections are accepted.
         progress: Called with the share done, 0 to 1, and a note.
 
     Returns:
-        A row per shot. By a belief: shot_id, height_m at the target plane above the floor [m], deviation_m from the
-        target's centre [m, up positive], outcome, and a note on a setting outside the range of the shots that the
-        belief was fitted to, on a rig other than theirs, or on why there is no height (None: the ball meets the floor
-        or turns back first). By a gate: shot_id, p_two and p_three (probabilities), in_domain, novelty (over 1: further
-        than that from all recorded shots); None where the gate gives no number.
+        A row per shot. With a belief: shot_id, height_m at the target plane above the floor [m], deviation_m from the
+        target's centre [m, up positive], outcome, and a note if a setting is outside the range of the fitted shots, the
+        rig differs from theirs, or height_m is None because the ball hits the floor or turns back first. With a gate:
+        shot_id, p_two and p_three (probabilities), in_domain, novelty (over 1: outside the recorded shots); None where
+        the gate gives no number.
 
     Raises:
-        InputError: implausible data, neither or both of belief and gate, a file that is not a gate, a column that is
-            missing, or a rig without a target.
+        InputError: implausible data, neither or both of belief and gate, a file that is not a gate, a missing column,
+            or a rig without a target.
     """
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     if (belief is None) == (gate is None):
@@ -107,16 +116,16 @@ def _flown(dataset: Dataset, belief: Belief, progress: Progress) -> tuple[list[f
 
 @dataclass(frozen=True)
 class AimTable(Printed):
-    """Set points by ascending distance, and the distances at which nothing scores, with the reason."""
+    """Set points by ascending distance, and the distances without a scoring set point, with the reason."""
 
     rows: tuple[AimRow, ...]
     refused: tuple[tuple[float, str], ...] = ()
 
     def at(self, distance_m: float) -> AimRow:
-        """Return the set point of any distance between the rows, each number along a smooth monotone curve.
+        """Return the set point of any distance between the rows, interpolated by smooth monotone curves.
 
         Raises:
-            InputError: the distance is beyond the table's ends, or nothing scores on one side of it.
+            InputError: the distance is outside the table, or one of its neighbours has no scoring set point.
         """
         first, last = self.rows[0].distance_m, self.rows[-1].distance_m
         if not first <= distance_m <= last:
@@ -136,8 +145,8 @@ class AimTable(Printed):
         return AimRow._make([*map(float, numbers), "; ".join(notes)])
 
     def lines(self, unit: str = "m") -> list[str]:
-        """Return a line per distance in this unit of length: set point, probabilities, and what errors cost; of a
-        hit-or-miss target in hits."""
+        """Return a line per distance in the given unit of length: set point, probabilities, and the cost of errors, in
+        hits for a hit-or-miss target."""
         metres = {"m": 1.0, **CONVERTED["m"]}[unit]
         turned, hits = any(one.lead_deg for one in self.rows), not any(one.p_three for one in self.rows)
         head = (unit, *(HITS if hits else HEADER)[1:], *(["lead deg"] if turned else []), "")
@@ -153,11 +162,11 @@ class AimTable(Printed):
         return [*make_text(head, rows, right=range(len(head) - 1)), *refused]
 
     def to_text(self, form: str) -> str:
-        """Return the table in a form: text, csv, json, java, cpp, or as a team's public code has its tables."""
+        """Return the table in a format: text, csv, json, java, cpp, or the format of a team's public code."""
         return FORMATS[form](self) if form in FORMATS else TEAMS[form](self.rows)
 
     def table(self) -> Table:
-        """Return every number, a row per distance."""
+        """Return all numbers, a row per distance."""
         return Table(AimRow._fields, self.rows)
 
     def to_csv(self) -> str:
@@ -171,7 +180,7 @@ class AimTable(Printed):
         return json.dumps(made, indent=1)
 
     def to_java(self) -> str:
-        """Return statements that fill WPILib's InterpolatingDoubleTreeMap: hood in degrees, motor in rpm."""
+        """Return Java statements that fill WPILib's InterpolatingDoubleTreeMap: hood in degrees, motor in rpm."""
         return java_text(self.rows)
 
     def to_cpp(self) -> str:
@@ -179,7 +188,7 @@ class AimTable(Printed):
         return cpp_text(self.rows)
 
     def plot(self) -> Any:
-        """Return a Matplotlib figure: hood angle, motor speed with the band that scores, and probabilities."""
+        """Plot hood angle, motor speed with the band that scores, and probabilities, as a Matplotlib figure."""
         return draw_aim(self.rows, self.refused)
 
 
@@ -192,25 +201,25 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
         progress: Progress = lambda done, note: None) -> AimTable:
     """Find the hood angle and motor speed with the most expected points for each distance.
 
-    The height at the target is normally distributed about the belief's forecast: scatter from shot to shot, noise of
-    the sensors (rig.toml [noise]) and the belief's covariance. Among set points that are about equally good a smooth
-    row with the slower wheels is taken.
+    The height at the target is normally distributed about the belief's forecast, with the scatter between shots, the
+    noise of the sensors (rig.toml [noise]) and the belief's covariance. Among nearly equal set points, a smooth
+    sequence with slower wheels is chosen.
 
     Args:
         belief: Coefficients, scatter and covariance.
         rig: Launcher, target and sensor noise.
-        distances_m: From exit to target; None: every 0.25 m of the range that the belief was fitted to, else 2 to 7 m.
-        hood_deg: Lowest and highest launch elevation; None: the range that the belief was fitted to, else 20 to 70.
+        distances_m: Distances from exit to target; None: every 0.25 m of the belief's fitted range, else of 2 to 7 m.
+        hood_deg: Lowest and highest launch elevation; None: the belief's fitted range, or else 20 to 70.
         accept: Names of plausibility checks whose objections to the rig are accepted.
         progress: Called with the share done, 0 to 1, and a note.
 
     Returns:
-        A row per distance; distances at which nothing scores are listed with the reason. Two points count for passing
-        the outer opening and three for the inner one; of a hit-or-miss target a hit counts two.
+        A row per distance; distances without a scoring set point are listed with the reason. The outer opening counts
+        two points, the inner one three, and a hit on a hit-or-miss target two.
 
     Raises:
-        InputError: an implausible rig, one without target, wheels or free speed, a distance or angle that cannot be,
-            or no distance with a set point that scores.
+        InputError: an implausible rig, one without target, wheels or free speed, an invalid distance or angle, or no
+            distance with a scoring set point.
     """
     check_kind("belief", belief, Belief, "load_belief(...)")
     check_kind("rig", rig, Rig, "load_rig(...)")
@@ -230,21 +239,21 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
 
 
 def export_aim(table: AimTable, belief: Belief, rig: Rig, path: str | Path, *, note: str = "") -> AimCheck:
-    """Write the aim file by which the robot aims (`aim.policy = "belief"`), and check it against the simulator.
+    """Write the robot's aim file (`aim.policy = "belief"`) and check it against the simulator.
 
     Args:
-        table: Of `aim`, with this belief and rig.
+        table: Result of `aim` with this belief and rig.
         belief: Coefficients, scatter and covariance.
-        rig: Of the robot's launcher.toml: a robot with another ball, launcher or target refuses the file.
+        rig: Rig of the robot's launcher.toml; a robot with another ball, launcher or target refuses the file.
         path: File to write.
-        note: One line for the driver, 200 characters at most.
+        note: One line for the driver, at most 200 characters.
 
     Returns:
-        Expected points of the file's set points and of the best at random distances, read back as the robot reads it.
+        Expected points of the file's set points, read back as on the robot, and of the best ones at random distances.
 
     Raises:
         InputError: the file cannot be written, no two neighbouring distances have a set point, or a set point falls
-            short of the best by more than 0.05 points; what was there is left then.
+            short of the best by more than 0.05 points. An existing file is then left unchanged.
     """
     check_kind("table", table, AimTable, "aim(...)")
     record = {"version": version("truearc"), "coefficients": belief.coefficients, "scatter": belief.scatter}
@@ -255,16 +264,16 @@ def export_aim(table: AimTable, belief: Belief, rig: Rig, path: str | Path, *, n
 
 
 def verify_aim(path: str | Path, belief: Belief, rig: Rig, *, seed: int = 0) -> AimCheck:
-    """Check an aim file as the robot reads it against the best set points at 40 random distances.
+    """Check an aim file, read as on the robot, against the best set points at 40 random distances.
 
     Args:
         path: Aim file.
-        belief: That it was made of.
-        rig: That it is for.
-        seed: Of the distances.
+        belief: Belief that the file was made from.
+        rig: Rig that the file is for.
+        seed: Seed of the distances.
 
     Raises:
-        InputError: the file is not a sound aim file, is for another rig, or a set point falls short of the best by more
+        InputError: the file is not a valid aim file, is for another rig, or a set point falls short of the best by more
             than 0.05 points.
     """
     check_kind("belief", belief, Belief, "load_belief(...)")

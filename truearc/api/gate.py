@@ -1,4 +1,4 @@
-"""Train a gate: the classifier that decides, from the robot's readings, whether a shot is likely to score."""
+"""Train a gate, the classifier that decides from the robot's readings whether a shot is likely to score."""
 
 import tempfile
 from collections.abc import Collection
@@ -27,10 +27,10 @@ from truearc.sim.statistics import Figures
 
 @dataclass(frozen=True, eq=False)
 class GateTraining(Printed):
-    """A trained gate and what it was worth on configurations that it had not seen.
+    """A trained gate and its scores on hold-out configurations.
 
-    `gate`: probabilities of features. `folds`: hold-out shots with their probabilities; None with too few
-    configurations. `left_out`: shots that could not be learned from, and why.
+    `gate`: probabilities as a function of features. `folds`: hold-out shots with their probabilities; None with too few
+    configurations. `left_out`: unusable shots, with the reason.
     """
 
     gate: PhysicsGate
@@ -41,12 +41,12 @@ class GateTraining(Printed):
 
     @property
     def holdout(self) -> Figures | None:
-        """Brier score, accuracy, log score and calibration error on hold-out shots; None: fewer than 15
+        """Brier score, accuracy, log score and calibration error on hold-out shots; None with under 15
         configurations."""
         return None if self.folds is None else self.folds.calibrated
 
     def save(self, directory: str | Path) -> None:
-        """Write the weights as a directory that `truearc export` and `truearc verify` take.
+        """Write the weights as a directory for `truearc export` and `truearc verify`.
 
         Raises:
             InputError: the directory cannot be written.
@@ -67,13 +67,13 @@ class GateTraining(Printed):
         return load_gate(str(path)).sha256
 
     def plot_reliability(self) -> Figure:
-        """Draw stated against true shares of hold-out shots; InputError where there are none."""
+        """Plot predicted against observed shares of hold-out shots; InputError if there are none."""
         if self.folds is None:
             raise InputError("too few configurations to hold any out: 15 at least")
         return draw_reliability(self.folds.p, self.folds.level)
 
     def lines(self) -> list[str]:
-        """Return the report: what the correction to the physics learned, and hold-out figures with warnings."""
+        """Return the report: the learned correction to the physics, and hold-out figures with warnings."""
         gate, marks = self.gate, self.marks
         lines = [*(f"warning: {line}" for line in self.record.get("accepted", ())),
                  *(f"warning: the belief was {other}" for other in [gate.belief.other_rig(gate.rig)] if other),
@@ -88,19 +88,19 @@ class GateTraining(Printed):
 
 def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0, accept: Collection[str] = (),
                progress: Progress = lambda done, note: None) -> GateTraining:
-    """Train a gate: the belief's forecast of each shot, a small learned correction, and a calibrated spread.
+    """Train a gate from the belief's forecast of each shot, a small learned correction and a calibrated spread.
 
-    All shots are learned from. Hold-out figures leave out each fifth of the configurations in turn.
+    The gate learns from all shots. Hold-out figures leave out each fifth of the configurations in turn.
 
     Args:
         dataset: Recorded shots with outcome, distance_m [m], hood_deg [deg] and motor_ratio [1].
-        belief: Coefficients of a fit or of a finding; one with scatter and covariance forecasts the spread, too.
-        seed: Of the folds.
+        belief: Coefficients of a fit or finding; with scatter and covariance it also forecasts the spread.
+        seed: Seed of the folds.
         accept: Names of plausibility checks whose objections are accepted; recorded.
         progress: Called with the share done, 0 to 1, and a note.
 
     Raises:
-        InputError: implausible data, a negative seed, or nothing can be learned from the shots.
+        InputError: implausible data, a negative seed, or no usable shots.
     """
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     check_kind("belief", belief, Belief, "load_belief(...)")

@@ -1,4 +1,4 @@
-"""The paper's method: simulated shots, its network, and sweeps over how many of them help.
+"""The paper's method: simulated shots, the network, and sweeps over the amount of simulated data.
 
 Its grid search is `truearc.fit(dataset, method="grid")`.
 """
@@ -33,11 +33,11 @@ FIGURES = ("validation_loss", "heldout_loss", "outcome", "two", "three")
 
 @dataclass(frozen=True, eq=False)
 class NetworkSweep(Printed):
-    """Networks of several settings, each with the same seeds.
+    """Networks for several settings, each with the same seeds.
 
-    `scores`: of each network, on validation and hold-out shots. `verdict`: the best setting against its rival; None
-    where there is a single setting. `best`, `trained`, `record`: the network of the first seed with the best setting.
-    `notes`: of shots that were left out.
+    `scores`: scores of each network on validation and hold-out shots. `verdict`: the best setting against its rival;
+    None with a single setting. `best`, `trained`, `record`: the network of the first seed with the best setting.
+    `notes`: notes on excluded shots.
     """
 
     settings: tuple[SweepSetting, ...]
@@ -50,12 +50,12 @@ class NetworkSweep(Printed):
 
     @cached_property
     def means(self) -> list[tuple[SweepSetting, list[Mean]]]:
-        """Each setting with the means of FIGURES over its networks."""
+        """The means of FIGURES over the networks of each setting."""
         return [(setting, [sweeps.mean_of([getattr(score, name) for score in sweeps.of_setting(self.scores, setting)])
                            for name in FIGURES]) for setting in self.settings]
 
     def plot(self) -> Figure:
-        """Draw hold-out cross-entropy and accuracy over the number of simulated shots, with 95 % intervals."""
+        """Plot hold-out cross-entropy and accuracy over the number of simulated shots, with 95 % intervals."""
         return sweeps.draw_sweep(self.scores, self.settings)
 
     def save(self, directory: str | Path) -> None:
@@ -75,7 +75,7 @@ class NetworkSweep(Printed):
         save_weights(home / "best", self.trained.network, self.record)
 
     def lines(self) -> list[str]:
-        """Return a line per setting, and how much the best one gains over its rival."""
+        """Return a line per setting, and the gain of the best one over its rival."""
         rows = [[f"{setting.size}", f"{setting.weight:g}", _pm(loss), _pm(heldout),
                  *(_pm(share, 100) for share in shares)] for setting, (loss, heldout, *shares) in self.means]
         return [*make_text(HEADER, rows, right=range(len(HEADER))),
@@ -86,22 +86,22 @@ def sweep_networks(real: Dataset, simulated: Dataset | None, sizes: Sequence[int
                    seeds: int = 20, coefficients: Any = None, recipe: Recipe | None = None,
                    shares: Shares | None = None, seed: int = 0,
                    progress: Progress = lambda done, note: None) -> NetworkSweep:
-    """Train the paper's network with each number and weight of simulated shots, and compare on shots held out.
+    """Train the paper's network with each number and weight of simulated shots, and compare them on hold-out shots.
 
     Args:
         real: Recorded shots with outcome, distance_m [m], hood_deg [deg] and motor_ratio [1].
-        simulated: Simulated shots to draw from; None: recorded ones only.
+        simulated: Simulated shots to draw from; None: only recorded shots.
         sizes: Numbers of simulated shots.
-        weights: Of the simulated loss (the paper's lambda).
-        seeds: Networks of each setting, each with its own splits.
-        coefficients: Behind the simulated shots, for the record.
-        recipe: Step size, most steps and patience; None: the defaults.
-        shares: Of shots held out and watched; None: the defaults. Its weight and epochs do not apply.
+        weights: Weights of the simulated loss (the paper's lambda).
+        seeds: Number of networks per setting, each with its own splits.
+        coefficients: Coefficients of the simulated shots, for the record.
+        recipe: Step size, maximum steps and patience; None: the defaults.
+        shares: Shares of hold-out and validation shots; None: the defaults. Its weight and epochs do not apply.
         seed: The first of the seeds.
         progress: Called with the share done, 0 to 1, and a note.
 
     Raises:
-        InputError: a size, weight or share that cannot be, or too few shots.
+        InputError: an invalid size, weight or share, or too few shots.
     """
     recipe, shares = recipe or Recipe(), shares or Shares()
     settings = sweeps.settings_of(sizes, weights)

@@ -1,4 +1,4 @@
-"""Results that are read without loading a simulation: tables, saved findings and recordings."""
+"""Results that can be read without loading a simulation: tables, saved findings and recordings."""
 
 import csv
 import html
@@ -24,7 +24,7 @@ EFFECT_COLUMNS = ("term", "probability", "value", "low90", "high90", "unit", "st
 class Table(Printed):
     """Rows under named columns.
 
-    `columns`: their names, units at the end of a name. `rows`: one tuple per row, in the columns' order; None is a
+    `columns`: column names, which end with the unit. `rows`: one tuple per row, in the order of the columns; None is a
     missing value.
     """
 
@@ -35,28 +35,28 @@ class Table(Printed):
         return len(self.rows)
 
     def column(self, name: str) -> list[Any]:
-        """Return the values of one column, a row each; ValueError for a name that the table does not have."""
+        """Return the values of one column; ValueError for a name that the table does not have."""
         index = self.columns.index(name)
         return [row[index] for row in self.rows]
 
     def to_dict(self) -> dict[str, list[Any]]:
-        """Return {column: values}, which pandas, polars and `truearc.dataset` take."""
+        """Return {column: values}, which pandas, polars and `truearc.dataset` accept."""
         return {name: self.column(name) for name in self.columns}
 
     def to_csv(self) -> str:
-        """Return the table as CSV text with a header; floats read back exactly, a missing value is empty."""
+        """Return the table as CSV text with a header. Floats read back exactly; a missing value is empty."""
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerows([self.columns, *([_cell(cell) for cell in row] for row in self.rows)])
         return out.getvalue()
 
     def to_pandas(self) -> Any:
-        """Return a pandas DataFrame; ModuleNotFoundError where pandas is not installed."""
+        """Return a pandas DataFrame; ModuleNotFoundError if pandas is not installed."""
         import pandas  # an option of the user's own: nothing here needs it
         return pandas.DataFrame(self.to_dict(), columns=list(self.columns))
 
     def lines(self) -> list[str]:
-        """Return the table as aligned text, its header first."""
+        """Return the table as aligned text, starting with its header."""
         return make_text(self.columns, [tuple(map(_text, row)) for row in self.rows])
 
     def _repr_html_(self) -> str:
@@ -78,10 +78,10 @@ def _text(cell: Any) -> str:
 
 @dataclass(frozen=True)
 class Effect:
-    """One candidate term for what the simulation lacks.
+    """Candidate term for an effect that the simulation lacks.
 
-    `probability`: that this term is it. `value`, `sd`, `interval90`: its amplitude, in `unit`. `stage`: sensing,
-    launch, flight or arrival. `believed`: what the amplitude was thought to be, where a belief was tested; else None.
+    `probability`: posterior probability of this term. `value`, `sd`, `interval90`: its amplitude, in `unit`. `stage`:
+    sensing, launch, flight or arrival. `believed`: amplitude in the tested belief; None without one.
     """
 
     term: str
@@ -111,17 +111,17 @@ class FindingReport(Printed):
 
     @property
     def sentence(self) -> str:
-        """The verdict for a reader: what is missing, how large, and what it is worth on hold-out shots."""
+        """The verdict as a sentence: the missing effect, its size, and its value on hold-out shots."""
         return self.record.sentence
 
     @property
     def p_value(self) -> float | None:
-        """Of the largest of all tests, adjusted for their number; None where the data carry no test."""
+        """Family-wise p-value of the largest test; None if the data allow no test."""
         return self.record.mismatch.p_value
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """Candidate terms, most probable first; empty where nothing was found."""
+        """Candidate terms, most probable first; empty if nothing was found."""
         return tuple(map(_effect, self.record.what))
 
     @property
@@ -131,13 +131,13 @@ class FindingReport(Printed):
 
     @property
     def alternatives(self) -> tuple[Effect, ...]:
-        """The other terms that these data cannot tell from the best one, most probable first."""
+        """The other terms that these data cannot distinguish from the best one, most probable first."""
         return self._members()[1:] if self.record.set else ()
 
     @property
     def also(self) -> tuple[Effect, ...]:
-        """The most probable term of each further effect that was found beside the best one; `record.also` has all, and
-        those that no term explains."""
+        """The most probable term of each further effect; `record.also` has all their terms, and effects that no term
+        explains."""
         return tuple(_effect(one.what[0]) for one in self.record.also if one.set and one.what)
 
     def _members(self) -> tuple[Effect, ...]:
@@ -151,7 +151,7 @@ class FindingReport(Printed):
                                     for one in self.effects))
 
     def to_json(self) -> str:
-        """Return the answer as JSON (schema truearc.finding/1), as `truearc discover --json` writes it."""
+        """Return the finding as JSON (schema truearc.finding/1), as `truearc discover --json` writes it."""
         return make_json(self.record).decode()
 
     def _repr_html_(self) -> str:
@@ -162,9 +162,9 @@ class FindingReport(Printed):
 
 @dataclass(frozen=True)
 class SavedFinding(FindingReport):
-    """A finding as read from its file: its figures and its report. The shots are not in the file, nor what was fitted.
+    """A finding read from its file: its figures and its report. The file contains neither the shots nor the fit.
 
-    Terms of third parties print under their names.
+    Third-party terms are printed by name.
     """
 
     saved: FindingRecord
@@ -175,16 +175,16 @@ class SavedFinding(FindingReport):
         return self.saved
 
     def lines(self) -> list[str]:
-        """Return the report, as of a finding just made."""
+        """Return the report, as for a new finding."""
         from truearc.sim.discover.report.finding_text import console_lines  # loads SciPy and JAX; reading needs neither
         return console_lines(self.saved)
 
 
 def load_finding(path: str | Path) -> SavedFinding:
-    """Read the JSON file of a finding that this version or an earlier one wrote; it prints as the finding did.
+    """Read the JSON file of a finding from this or an earlier version; it prints like the original.
 
     Raises:
-        InputError: `path` cannot be read, or is not a truearc.finding/1; with the key.
+        InputError: `path` cannot be read or is not a truearc.finding/1; names the key.
     """
     return SavedFinding(load_record(path))
 
@@ -196,13 +196,13 @@ def _effect(one: Named) -> Effect:
 
 
 class Recording(Printed):
-    """A recorded session: iterate over it for its ticks, as often as wanted.
+    """A recorded session, an iterable of its ticks.
 
         for tick in Recording("sessions/mon"):
             tick.verdict.fire, tick.verdict.reasons
 
-    A tick holds inputs, estimate, aim, verdict and command, SI units, `t_ns` on the robot's own clock in ns. After an
-    iteration `cut_short` says where the recording ends early, None: it does not.
+    A tick holds inputs, estimate, aim, verdict and command in SI units; `t_ns` is the robot's own clock in ns. After an
+    iteration, `cut_short` states where a truncated recording ends; None if it is complete.
 
     Raises:
         InputError: the folder is not a recording, or (while iterating) a row cannot be read.
@@ -221,16 +221,16 @@ class Recording(Printed):
 
     @cached_property
     def config(self) -> Config:
-        """The configuration that the session ran with; its `rig` is the rig."""
+        """The configuration of the session; its `rig` is the rig."""
         return load_session_config(self.path)
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
-        """Every marked trial in order: its outcome, and the shot, None where a gate held."""
+        """Every marked trial in order, with its outcome and its shot; the shot is None if a gate held."""
         return tuple(load_trials(self.path))
 
     def lines(self) -> list[str]:
-        """Return what made the recording, and how many trials of which outcome it has."""
+        """Return the origin of the recording, and the number of trials with each outcome."""
         outcomes = [trial.outcome.outcome for trial in self.trials]
         counts = ", ".join(f"{outcomes.count(kind)} {kind}" for kind in dict.fromkeys(outcomes))
         return [f"{self.path}: {len(outcomes)} trials ({counts or 'none'})",

@@ -1,14 +1,15 @@
-"""Commands that make and check datasets: `init`, `shots`, `check`."""
+"""Commands that make and check datasets: `init`, `import`, `shots`, `check`."""
 
 import argparse
 import shlex
 import sys
+from functools import partial
 from pathlib import Path
 
 import truearc as ta
-from truearc.cli.common import SHIPPED, add_accept, listed, make_progress, number, write_out
-from truearc.cli.outputs import DATASET, OutFolder, out_file
-from truearc.errors import InputError, about
+from truearc.cli import common
+from truearc.errors import OTHER_FORMATS, InputError, about, needs
+from truearc.sim.data.importers import load_importers
 
 RIG = Path(__file__).with_name("rig_template.toml")
 COLUMNS = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome")
@@ -19,13 +20,13 @@ NOT_TRACKED = ("[[launcher.wheel]]", "[target]", "free_speed_rad_s")       # of 
 
 
 def init_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("dataset", nargs="?", type=OutFolder(("rig.toml", "shots.csv", "tracks.csv")),
+    parser.add_argument("dataset", nargs="?", type=common.OutFolder(("rig.toml", "shots.csv", "tracks.csv")),
                         metavar="DIR", help="dataset directory to make")
     parser.add_argument("--units", type=lambda text: text.split(","), default=[], metavar="UNIT[,UNIT]",
                         help="in which shots.csv has distances and angles instead of m and deg: mm, cm, in or ft; rad")
     parser.add_argument("--tracks", action="store_true", help="a dataset of flights that a camera saw: tracks.csv, "
                         "too, and a rig.toml without wheels and target")
-    parser.add_argument("--robot", type=out_file, metavar="FILE", help="launcher.toml to write instead: the "
+    parser.add_argument("--robot", type=common.out_file, metavar="FILE", help="launcher.toml to write instead: the "
                         "configuration that the emulated robot runs with, every key with its meaning")
 
 
@@ -44,14 +45,14 @@ def init(args: argparse.Namespace) -> int:
         raise InputError("--tracks: goes with DIR alone; columns in other units are read by their names (x_mm, x_ft)")
     columns = in_units(args.units)
     if args.robot is not None:
-        write_out(args.robot, SHIPPED.read_text(encoding="utf-8"))
+        common.write_out(args.robot, common.SHIPPED.read_text(encoding="utf-8"))
         print(f"{args.robot}: change what differs on your launcher; then: truearc doctor --config {args.robot}")
         return 0
     args.dataset.mkdir(parents=True, exist_ok=True)
     rig = RIG.read_text(encoding="utf-8")
-    write_out(args.dataset / "rig.toml", for_tracks(rig) if args.tracks else rig)
+    common.write_out(args.dataset / "rig.toml", for_tracks(rig) if args.tracks else rig)
     for name, header in (TRACKED if args.tracks else {"shots.csv": columns}).items():
-        write_out(args.dataset / name, ",".join(header) + "\n")
+        common.write_out(args.dataset / name, ",".join(header) + "\n")
     rows = ", a row of shots.csv for each shot and one of tracks.csv for each frame" if args.tracks else (
         " and a row of shots.csv for each shot")
     print(f"{args.dataset}: fill in rig.toml{rows}; then: truearc check {args.dataset}")
@@ -67,7 +68,7 @@ def for_tracks(rig: str) -> str:
 
 def in_units(units: list[str]) -> list[str]:
     """Return the columns of shots.csv in these units; InputError for a unit that none of them can be in."""
-    from truearc.robot.config.unit_table import CONVERTED
+    from truearc.robot.config.shot_map import CONVERTED
     columns = list(COLUMNS)
     for unit in units:
         read = next((read for read in ("m", "deg") if unit in (read, *CONVERTED[read])), None)
@@ -80,7 +81,7 @@ def in_units(units: list[str]) -> list[str]:
 
 def shots_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sessions", type=Path, nargs="+", metavar="SESSION", help="recorded session folder")
-    parser.add_argument("-o", "--out", type=OutFolder(DATASET), required=True, metavar="DIR",
+    parser.add_argument("-o", "--out", type=common.OutFolder(common.DATASET), required=True, metavar="DIR",
                         help="dataset folder to write")
     parser.add_argument("--repeatability", action="store_true",
                         help="one row a configuration, labelled by the paper's R2/R3 rule (section IV-A)")
@@ -89,7 +90,7 @@ def shots_options(parser: argparse.ArgumentParser) -> None:
 def shots(args: argparse.Namespace) -> int:
     """Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."""
     from truearc.sim.data.recordings import label_by_repeatability
-    progress = make_progress("shots", args.quiet)
+    progress = common.make_progress("shots", args.quiet)
     dataset = ta.shots_from_sessions(args.sessions, args.out.name)
     progress(0.8, "read")
     if args.repeatability:
@@ -106,10 +107,10 @@ def shots(args: argparse.Namespace) -> int:
 
 def check_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", metavar="DIR", help="dataset directory")
-    parser.add_argument("--believe", type=listed(str), metavar="TERMS", help="terms of the simulation, "
+    parser.add_argument("--believe", type=common.listed(str), metavar="TERMS", help="terms of the simulation, "
                         "comma-separated; else rig.toml's")
-    add_accept(parser)
-    parser.add_argument("--seed", type=number(int, 0), help="of the season that is planned without "
+    common.add_accept(parser)
+    parser.add_argument("--seed", type=common.number(int, 0), help="of the season that is planned without "
                         "shots, or of where shots without results pass")
 
 
@@ -133,24 +134,19 @@ def check(args: argparse.Namespace) -> int:
         return 0
     with about(args.dataset):
         could = ta.identifiability(dataset.rig if few else dataset, believe=args.believe, seed=args.seed,
-                                   accept=args.accept, progress=make_progress("check", args.quiet))
+                                   accept=args.accept, progress=common.make_progress("check", args.quiet))
     if few:
         print(f"warning: {say_few(len(dataset.shots))}" if len(dataset.shots) else "\nno shots yet", end="")
     print("; of a season with this rig:" if few else "")
-    print("\n".join([*sight_summary(could.sight, could.catalogue), f"effect by effect: {by_effect(args, few)}"]))
+    by_effect = ["truearc", "identifiability", str(Path(args.dataset) / "rig.toml") if few else args.dataset,
+                 *(["--believe", ",".join(args.believe)] if args.believe else [])]
+    print("\n".join([*sight_summary(could.sight, could.catalogue), f"effect by effect: {shlex.join(by_effect)}"]))
     return 0
-
-
-def by_effect(args: argparse.Namespace, few: bool) -> str:
-    """Return the command that lists what each effect needs."""
-    asked = [args.dataset if not few else str(Path(args.dataset) / "rig.toml")]
-    asked += ["--believe", ",".join(args.believe)] if args.believe else []
-    return shlex.join(["truearc", "identifiability", *asked])
 
 
 def lacking(dataset: "ta.Dataset") -> list[str]:
     """Return what no shot states of its own settings and results, where there are no tracks or times."""
-    from truearc.sim.data.columns import WHEEL
+    from truearc.sim.data.table import WHEEL
     known = {name for name, column in dataset.shots.numbers.items() if (column == column).any()}
     known |= {"wheel_<name>_rad_s" for name in known if WHEEL.fullmatch(name)}
     known |= {"outcome"} if any(dataset.shots.text("outcome")) else set()
@@ -184,3 +180,86 @@ def plausibility(dataset: "ta.Dataset") -> list[str]:
                 (f"{SCORES} scoring shots of known distance, angle and speed",
                  "distances, angles and speeds by each other", not flights and not judges_reach(dataset))]
     return objections + [f"  not checked without {needed}: {what}" for needed, what, missing in unjudged if missing]
+
+
+# --- import
+
+MAP = "shots.toml"
+
+
+def import_shots_options(parser: argparse.ArgumentParser) -> None:
+    importers = load_importers()
+    known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in importers)
+    parser.add_argument("source", choices=sorted({*OTHER_FORMATS, *(importer.name for importer in importers)}),
+                        help=f"{', '.join(OTHER_FORMATS)} or csv: any team's; others: whose recordings (more come "
+                        "with pip install ./proof in a checkout)")
+    parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
+    parser.add_argument("-o", "--out", type=common.OutFolder(common.DATASET), required=True, metavar="DIR",
+                        help="dataset directory to write")
+    parser.add_argument("--only", metavar="COLUMN=TEXT,...", help="of the dataset's shots those with one of these "
+                        "texts in the column (ball_quality=new), to compare parts with each other")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--map", metavar="MAP", help="of any team's files: which keys say what: a shots.toml, or an "
+                     "installed map, such as ftc-csv, tracker, kinovea")
+    how.add_argument("--guess", action="store_true", help="propose that map from the names, units and numbers in the "
+                     f"first file, write it to DIR/{MAP}, and import by it; a CSV without a column Timestamp has a row "
+                     "per shot")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="of any team's files: ball, wheels and target "
+                        "(truearc init DIR makes one to fill in)")
+
+
+def import_shots(args: argparse.Namespace) -> int:
+    """Turn the logs, tables and recordings of others into a dataset directory (docs/how-to/importing.md)."""
+    from truearc.sim.data.import_shots import doubts_of, only
+    from truearc.sim.printed import left_out_lines
+    importer = next((importer for importer in load_importers() if importer.name == args.source), None)
+    if importer is None:
+        raise ta.InputError(f"{args.source}: {needs(args.source)}")
+    if not importer.takes(args.files):
+        raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
+    shot_map = ""
+    if importer.load is None:
+        dataset, shot_map = _by_map(args)
+    elif args.map or args.guess or args.rig:
+        any_team = " and ".join(one.name for one in load_importers() if one.load is None)
+        raise ta.InputError(f"--map, --guess and --rig are for {any_team}; {args.source} knows its files' form")
+    else:
+        dataset = importer.load(*args.files)
+    if args.only is not None:
+        dataset = only(dataset, args.only)
+    ta.save_dataset(args.out, dataset)
+    if shot_map:
+        (args.out / MAP).write_text(shot_map, encoding="utf-8")
+    kind, table = ("times", dataset.times) if dataset.times is not None else ("track samples", dataset.tracks)
+    print(f"{args.out}: {len(dataset.shots)} shots, {0 if table is None else len(table.t_s)} {kind}")
+    for line in left_out_lines(dataset.left_out):
+        print(line)
+    for line in doubts_of(dataset):
+        print(f"warning: {line}")
+    return 0
+
+
+def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
+    """(the dataset, the map's text where it was guessed)."""
+    from truearc.sim.data.import_shots import guess
+    if not args.rig:
+        raise ta.InputError(f"{args.source}: --rig RIG.toml is needed: a log does not say what ball, wheels and target "
+                            "there are; `truearc init DIR` makes one to fill in")
+    load = partial(ta.import_shots, args.files, rig=args.rig, name=args.out.name,
+                   progress=common.make_progress("import", args.quiet))
+    if args.map:
+        return load(shot_map=args.map), ""
+    if not args.guess:
+        raise ta.InputError(f"{args.source}: --map MAP is needed, or --guess, which proposes one")
+    guessed = guess(args.files, ta.load_rig(args.rig), common.make_progress("guess", args.quiet))
+    print(f"guessed from the names, units and numbers of {args.files[0]}; make sure of it:")
+    for line in guessed.lines:
+        print(f"  {line}")
+    try:
+        return load(shot_map=guessed.map), guessed.to_toml()
+    except ta.InputError as error:
+        print(f"\nthe map, to save as {MAP} and correct:\n\n{guessed.to_toml()}")
+        again = shlex.join(["truearc", "import", args.source, *args.files, "--map", MAP, "--rig", str(args.rig),
+                            "-o", str(args.out)])
+        raise ta.InputError(f"{error}\nCorrect what is named; or save the map above as {MAP}, correct it (words of "
+                            f"outcomes: outcome.values), and run: {again}") from error

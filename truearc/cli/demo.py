@@ -1,4 +1,4 @@
-"""The command `demo`: plays the acts, prints them, and writes the report."""
+"""The command `demo`, which plays the acts, prints them and writes the report."""
 
 import argparse
 import secrets
@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import SHIPPED, make_progress, number, origin_of, write_out
-from truearc.cli.outputs import OutFolder
+from truearc.cli.common import SHIPPED, OutFolder, make_progress, number, origin_of, write_out
 from truearc.robot.config.schema import Config, load_config
 
 if TYPE_CHECKING:

@@ -1,8 +1,8 @@
-"""What the demo plays and shows: a robot practises or meets a changed world, learns and aims again; and its page.
+"""The acts of the demo, in which a robot practises or meets a changed world, learns and aims again, and their page.
 
-Balls are shot by the season (truearc.sim.world.season): the emulated robot's world without buses and images. An act is
-a pure function of the robot, the seed and the effect; `truearc demo` tells it, and `python -m benchmarks.demo_seeds`
-repeats it over seeds. World seeds of one seed lie in its own thousand.
+Balls are shot in seasons (truearc.sim.world.world) of the emulated robot's world, without buses and images. An act is a
+pure function of the robot, the seed and the effect; `truearc demo` presents it, and `python -m benchmarks.demo_seeds`
+repeats it over seeds. Each seed has its own block of 1,000 world seeds.
 """
 
 import hashlib
@@ -23,10 +23,10 @@ from truearc.sim.aim.solve import best_ratios
 from truearc.sim.data.dataset import join_datasets
 from truearc.sim.discover.investigate import make_belief
 from truearc.sim.discover.report.finding_text import either, plain, size_of
-from truearc.sim.printed import Progress, make_text
+from truearc.sim.printed import Progress, make_text, part_of
 from truearc.sim.report import COLOURS, PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import ORDINARY, ShotSetting, play_season, seen_distance_m
+from truearc.sim.world.world import ORDINARY, ShotSetting, play_season, seen_distance_m
 
 PAPER = ("gravity", "drag", "magnus")                 # the paper's physics
 DISTANCES_M = np.arange(2.5, 8.01, 0.25)              # of the table of set points
@@ -125,10 +125,10 @@ def practise(rig: Rig, seed: int, sizes: Sizes, recorded: ta.Dataset | None, pro
     come first."""
     own, count = APART * seed, sizes.practice - (0 if recorded is None else len(recorded.shots))
     settings = practice_settings(own, count)
-    shots = play_season(rig, Options(), own, settings, "L1", ORDINARY, _part(progress, 0.0, 0.2)).dataset
+    shots = play_season(rig, Options(), own, settings, "L1", ORDINARY, part_of(progress, 0.0, 0.2)).dataset
     shots = shots if recorded is None else join_datasets(recorded, shots)
     shots = replace(shots, facts=structs.replace(shots.rig, site=Site(indoor=True)))
-    finding = ta.discover(shots, believe=PAPER, seed=seed, progress=_part(progress, 0.2, 0.7))
+    finding = ta.discover(shots, believe=PAPER, seed=seed, progress=part_of(progress, 0.2, 0.5))
     paper, _ = make_belief(replace(finding.investigation, steps=()))
     before = ta.aim(paper, rig, distances_m=DISTANCES_M, hood_deg=AIMED_DEG)
     return _judge(rig, Options(), own + 1, sizes, shots, finding, paper, before, progress)
@@ -139,9 +139,9 @@ def play_event(rig: Rig, practice: Act, options: Options, seed: int, number: int
     """The event in a world with these options: what has changed since practice is learned from marked shots."""
     own = APART * seed + 10 * number
     settings = marked_settings(rig, practice.adopted, options, own, sizes.marked)
-    shots = play_season(rig, options, own, settings, "L1", ORDINARY, _part(progress, 0.0, 0.2)).dataset
+    shots = play_season(rig, options, own, settings, "L1", ORDINARY, part_of(progress, 0.0, 0.2)).dataset
     finding = ta.discover(shots, belief=practice.adopted, since=practice.shots, seed=seed,
-                          progress=_part(progress, 0.2, 0.7))
+                          progress=part_of(progress, 0.2, 0.5))
     return _judge(rig, options, own + 1, sizes, shots, finding, practice.adopted, practice.aims[1], progress)
 
 
@@ -203,11 +203,6 @@ def marked_settings(rig: Rig, belief: ta.Belief, options: Options, seed: int, co
 
 def _settings(good: np.ndarray, count: int, *columns: np.ndarray) -> list[ShotSetting]:
     return [ShotSetting(*(float(column[row]) for column in columns)) for row in np.flatnonzero(good)[:count]]
-
-
-def _part(progress: Progress, low: float, high: float) -> Progress:
-    """Progress of a part of the work, from `low` to `high` of the whole."""
-    return lambda done, note: progress(low + (high - low) * done, note)
 
 
 Acts = Mapping[str, Act]              # practice, event, control

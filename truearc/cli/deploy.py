@@ -1,4 +1,4 @@
-"""The command `deploy`: truearc as a service on the robot's computer."""
+"""The command `deploy`, which installs truearc as a service on the robot's computer."""
 
 import argparse
 import re
@@ -11,22 +11,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from truearc.errors import INSTALL_HINTS, InputError, load_text
-from truearc.robot.config.reading_tables import distribution_of_table
-from truearc.robot.config.schema import Config, load_config
-from truearc.robot.deploy import (
-    CONFIG,
-    INSTALL,
-    RECORDING,
-    Parts,
-    copy_folder,
-    copy_source,
-    make_config,
-    make_files,
-    make_parts,
-)
+from truearc.robot import deploy as target
+from truearc.robot.config import named_tables, schema
 
 SOURCE = Path(__file__).parents[2]
-KEPT = RECORDING.strip().splitlines()[2:]
+KEPT = target.RECORDING.strip().splitlines()[2:]
 FAR = "truearc-deploy"                # folder in the home directory there
 
 
@@ -60,7 +49,7 @@ def deploy(args: argparse.Namespace) -> int:
     """
     if not re.fullmatch(r"([A-Za-z0-9_][A-Za-z0-9._-]*@)?[A-Za-z0-9][A-Za-z0-9.-]*", args.host):
         raise InputError(f"{args.host!r}: not user@host")
-    config = load_config(args.config)
+    config = schema.load_config(args.config)
     if args.gate:
         from truearc.robot.gate import load_gate
         load_gate(args.gate)                      # a model that the robot would refuse is refused here
@@ -70,15 +59,15 @@ def deploy(args: argparse.Namespace) -> int:
     if args.endpoints:
         from truearc.robot.doctor import load_endpoints
         load_endpoints(args.endpoints)
-    parts = make_parts(config, Parts(args.gate is not None, args.endpoints is not None, bool(args.plugin), args.core,
-                                     args.priority, args.can_serial, args.box_usb, args.exposure_ms,
-                                     args.aim is not None))
+    parts = target.make_parts(config, target.Parts(
+        args.gate is not None, args.endpoints is not None, bool(args.plugin), args.core, args.priority, args.can_serial,
+        args.box_usb, args.exposure_ms, args.aim is not None))
     copies = {"constraints.txt": SOURCE / "constraints.txt", "gate.onnx": args.gate, "aim.json": args.aim,
               "flat_endpoints.json": args.endpoints}
-    files = {CONFIG: make_config(load_text(args.config), config), **make_files(config, parts)}
+    files = {target.CONFIG: target.make_config(load_text(args.config), config), **target.make_files(config, parts)}
     carried = {name: path for name, path in copies.items() if path}
     if config.recording is None:
-        print(f"{args.config}: has no [recording]; the robot's {CONFIG} gets one: {', '.join(KEPT)}", flush=True)
+        print(f"{args.config}: has no [recording]; the robot's {target.CONFIG} gets one: {', '.join(KEPT)}", flush=True)
     wheels, plugins = _wheels(args.wheels), [*_ours(config), *(_plugin(path) for path in args.plugin)]
     if not (SOURCE / "pyproject.toml").exists():
         raise InputError(f"{SOURCE}: deploy builds truearc from its source; run it from a checkout")
@@ -88,8 +77,8 @@ def deploy(args: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory(prefix="truearc-") as folder:
         stage = Path(folder) / FAR
         _fill(stage, files, carried, wheels)
-        source = copy_source(SOURCE, Path(folder) / "source")
-        plugins = [copy_folder(path, Path(folder) / f"plugin-{number}") if path.is_dir() else path
+        source = target.copy_source(SOURCE, Path(folder) / "source")
+        plugins = [target.copy_folder(path, Path(folder) / f"plugin-{number}") if path.is_dir() else path
                    for number, path in enumerate(plugins)]
         for command in make_commands(args.host, str(stage), str(source), plugins):
             if _run(command):
@@ -104,7 +93,7 @@ def make_commands(host: str, stage: str, source: str, plugins: Sequence[Path]) -
             *([*pip, f"{stage}/plugins", str(path)] for path in plugins),
             ["ssh", host, shlex.join(["rm", "-rf", FAR])],
             ["scp", "-q", "-r", stage, f"{host}:{FAR}"],
-            ["ssh", "-t", host, shlex.join(["sudo", "sh", f"{FAR}/{INSTALL}"])]]
+            ["ssh", "-t", host, shlex.join(["sudo", "sh", f"{FAR}/{target.INSTALL}"])]]
 
 
 def _wheels(folder: Path | None) -> list[Path]:
@@ -116,9 +105,9 @@ def _wheels(folder: Path | None) -> list[Path]:
     return found
 
 
-def _ours(config: Config) -> list[Path]:
+def _ours(config: schema.Config) -> list[Path]:
     """Folders of this checkout with the distributions that the configuration needs."""
-    named = dict.fromkeys(map(distribution_of_table, config.readings))
+    named = dict.fromkeys(map(named_tables.distribution_of_table, config.readings))
     return [SOURCE / name.removeprefix("truearc-") for name in named if name in INSTALL_HINTS]
 
 

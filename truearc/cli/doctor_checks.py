@@ -1,4 +1,4 @@
-"""The work of `truearc doctor`: opens each wire in turn and collects the findings; with --move also moves the robot."""
+"""Implementation of `truearc doctor`: opens each wire in turn, collects findings, and with --move moves the robot."""
 
 import argparse
 import os
@@ -12,23 +12,17 @@ from pathlib import Path
 import cv2
 import msgspec
 
-from truearc.cli.common import refuse
-from truearc.cli.run_robot import Ending, open_bus
+from truearc.cli import common, run_robot
 from truearc.errors import InputError
 from truearc.hw.devices.family import FAILURE, WARNING, Endpoints, Finding, Heard, failure, line, listen, warning
 from truearc.hw.protocols import Bus, Clock, Frame, LinkLost, Stream
-from truearc.hw.real.camera import open_camera
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.system import CanLink, is_clock_synchronised, read_exposure, read_link, rehearse
-from truearc.hw.real.wires import open_serial
-from truearc.robot import doctor
+from truearc.hw.real.wires import open_camera, open_serial
+from truearc.robot import doctor, eyes, motors
 from truearc.robot.config.schema import Config, load_config
-from truearc.robot.doctor import find_hood
 from truearc.robot.doctor_motion import SmallMotion, check_motion, describe, plan
-from truearc.robot.eyes import NoEyes
-from truearc.robot.motors import name_axes
-from truearc.robot.readings import sources_of
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
@@ -126,7 +120,7 @@ def look_at_bus(config: Config, bus: Bus, clock: Clock, link: CanLink | None, en
     """Everything that can be heard on the CAN bus in one stretch of listening; raises LinkLost."""
     heard = listen(bus, clock, doctor.questions(config, endpoints), seconds)
     yield doctor.check_bitrate(config.can, link, heard)
-    yield doctor.check_heartbeat_lock((axis for _, axis in name_axes(config)), heard)
+    yield doctor.check_heartbeat_lock((axis for _, axis in motors.name_axes(config)), heard)
     yield from doctor.check_devices(config, endpoints, heard)
 
 
@@ -143,7 +137,7 @@ def look_at_readings(config: Config) -> Iterator[Finding]:
     """What other distributions say of their tables; of [camera] where it sees tags itself."""
     if not config.is_seen_elsewhere and config.camera.target == "apriltag":
         yield doctor.check_calibration(config.camera)
-    for source in sources_of(config):
+    for source in eyes.sources_of(config):
         yield from source.findings()
 
 
@@ -159,7 +153,7 @@ class NoBox:
 def check_move(args: argparse.Namespace) -> None:
     """InputError for options that do not go together, before anything is opened."""
     if not args.move:
-        refuse(args, ("--yes",), "applies with --move or --set only")
+        common.refuse(args, ("--yes",), "applies with --move or --set only")
     elif not args.yes and not sys.stdin.isatty():
         raise InputError("--move: asks before it moves anything, and there is no terminal to answer; give --yes where "
                          "all balls are out and hands away")
@@ -171,7 +165,7 @@ def move_robot(config: Config, clock: Clock, found: Sequence[Finding], is_allowe
         return [warning(CHECK, "not tried: something on the bus has failed at rest", "repair that first")]
     with ExitStack() as wires:
         try:
-            bus = open_bus(config, clock, wires, Counter())
+            bus = run_robot.open_bus(config, clock, wires, Counter())
         except LinkLost as error:
             return [failure(CHECK, f"not tried: {error}", "plug the adapter in; see [can]")]
         try:
@@ -181,17 +175,17 @@ def move_robot(config: Config, clock: Clock, found: Sequence[Finding], is_allowe
         if box is not None:
             wires.callback(box.close)
         try:
-            hood_deg = find_hood(config, listen(bus, clock, (), LOOK_S))[1]
+            hood_deg = doctor.find_hood(config, listen(bus, clock, (), LOOK_S))[1]
         except LinkLost as error:
             return [failure(CHECK, f"not tried: {error}", "repair the adapter first")]
         program = plan(config, hood_deg)
         if not is_allowed and not _ask(describe(config, program)):
             return [warning(CHECK, "not tried: it was not allowed", "type yes when asked")]
-        motion, ending = SmallMotion(config, program, box is not None), Ending()
+        motion, ending = SmallMotion(config, program, box is not None), run_robot.Ending()
         return move(config, motion, bus, box, clock, ending, wires)
 
 
-def move(config: Config, motion: SmallMotion, bus: Bus, box: Stream | None, clock: Clock, ending: Ending,
+def move(config: Config, motion: SmallMotion, bus: Bus, box: Stream | None, clock: Clock, ending: run_robot.Ending,
          wires: ExitStack) -> list[Finding]:
     """Move on open wires until it is over, and release; findings."""
     heard: list[Frame] = []
@@ -201,7 +195,7 @@ def move(config: Config, motion: SmallMotion, bus: Bus, box: Stream | None, cloc
             heard.append(frame)
 
     began_ns = clock.now_ns()
-    rig = HardwareRig(config, TappedBus(bus, tap), box or NoBox(), NoEyes(), clock,
+    rig = HardwareRig(config, TappedBus(bus, tap), box or NoBox(), eyes.NoEyes(), clock,
                       lambda: ending.asked or motion.is_finished)
     wires.callback(rig.release)                   # first of all to be done on the way out, whatever happened
     run(rig, config, None, motion, motion)

@@ -1,7 +1,7 @@
-"""Commands for the gate (`train`, `export`, `verify`, `serve`), and the process that answers the operator page.
+"""Commands for the gate (`train`, `export`, `verify`, `serve`), and the process that answers the page's queries.
 
-`python -m truearc.cli.gate FILE P [SPEED]` is that process: P is the threshold of p(three), SPEED the free speed of the
-motors in rad/s.
+`python -m truearc.cli.gate FILE P [SPEED]` runs that process: P is the threshold of p(three), SPEED the free speed of
+the motors in rad/s.
 """
 
 import argparse
@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import SHIPPED, add_accept, load_any_rig, make_progress, number, refuse
-from truearc.cli.outputs import WEIGHTS, OutFolder, out_file
+from truearc.cli import common
 from truearc.errors import InputError, load_bytes, save_whole
 from truearc.model_export import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 from truearc.robot.config.schema import Config
@@ -30,11 +29,11 @@ def train_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--coefficients", required=True, metavar="FILE",
                         help="coefficients.toml, as `truearc fit` (with the scatter), `truearc discover --adopt` or "
                              "`truearc paper fit` write it")
-    parser.add_argument("--reliability", type=out_file, metavar="FILE",
+    parser.add_argument("--reliability", type=common.out_file, metavar="FILE",
                         help="picture of predicted against observed shares to write")
-    add_accept(parser)
-    parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of split and first weights")
-    parser.add_argument("-o", "--out", type=OutFolder(WEIGHTS), required=True, metavar="DIR",
+    common.add_accept(parser)
+    parser.add_argument("--seed", type=common.number(int, 0), default=0, help="seed of split and first weights")
+    parser.add_argument("-o", "--out", type=common.OutFolder(common.WEIGHTS), required=True, metavar="DIR",
                         help="weights directory to write")
 
 
@@ -46,7 +45,7 @@ def train(args: argparse.Namespace) -> int:
     """
     belief, dataset = ta.load_belief(args.coefficients), ta.load_dataset(args.real)
     trained = ta.train_gate(dataset, belief, seed=args.seed, accept=args.accept,
-                            progress=make_progress("train", args.quiet))
+                            progress=common.make_progress("train", args.quiet))
     for sentence in trained.left_out:
         print(sentence, file=sys.stderr)
     trained.save(args.out)
@@ -62,7 +61,7 @@ def train(args: argparse.Namespace) -> int:
 def export_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("weights", metavar="DIR",
                         help="weights directory, as `truearc train` and `truearc paper train` write it")
-    parser.add_argument("-o", "--out", type=out_file, required=True, metavar="FILE", help="ONNX file to write")
+    parser.add_argument("-o", "--out", type=common.out_file, required=True, metavar="FILE", help="ONNX file to write")
 
 
 def export(args: argparse.Namespace) -> int:
@@ -98,17 +97,17 @@ def verify(args: argparse.Namespace) -> int:
             raise ta.InputError(f"{args.file}: neither an ONNX file nor an aim file; of weights give the file that "
                                 "`truearc export` wrote, and their folder as --weights")
         return _verify_aim(args)
-    refuse(args, ("--belief", "--rig"), "applies to an aim file only")
+    common.refuse(args, ("--belief", "--rig"), "applies to an aim file only")
     found = ta.verify_gate(args.file, args.weights, {name: ta.load_dataset(name) for name in args.data})
     print(found)
     return 0 if found.passed else 1
 
 
 def _verify_aim(args: argparse.Namespace) -> int:
-    refuse(args, ("--weights", "--data"), "applies to a gate only")
+    common.refuse(args, ("--weights", "--data"), "applies to a gate only")
     if not (args.belief and args.rig):
         raise ta.InputError(f"{args.file}: an aim file; --belief and --rig are needed to check it")
-    check = ta.verify_aim(args.file, ta.load_belief(args.belief), load_any_rig(args.rig))
+    check = ta.verify_aim(args.file, ta.load_belief(args.belief), common.load_any_rig(args.rig))
     print(f"{args.file}: {check}")
     return 0
 
@@ -117,9 +116,10 @@ def serve_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("gate", type=Path, metavar="FILE", help="ONNX file, as `truearc export` writes it")
     parser.add_argument("--config", type=Path, metavar="FILE", help="launcher.toml, for its gate.threshold and its "
                         "wheels' free speed (default: the shipped threshold, and wheel speeds as shares alone)")
-    parser.add_argument("--threshold", type=number(float, 0, 1), metavar="P",
+    parser.add_argument("--threshold", type=common.number(float, 0, 1), metavar="P",
                         help="p(three) from which the gate fires (default: the configuration's)")
-    parser.add_argument("--port", type=number(int, 0, 65535), default=5809, help="of the page; 0 picks a free one")
+    parser.add_argument("--port", type=common.number(int, 0, 65535), default=5809,
+                        help="of the page; 0 picks a free one")
     parser.add_argument("--host", default="127.0.0.1", help="of the page; the default is this machine only")
 
 
@@ -145,7 +145,7 @@ def make_server(args: argparse.Namespace) -> "PageServer":
     from truearc.robot.gate import load_gate
     from truearc.robot.operator_ui.server import PageServer
     from truearc.robot.operator_ui.what_if import LAPTOP_RATE_PER_S, WhatIf
-    gate, config = load_gate(args.gate), load_config(args.config or SHIPPED)
+    gate, config = load_gate(args.gate), load_config(args.config or common.SHIPPED)
     threshold = config.gate.threshold if args.threshold is None else args.threshold
     free_speed_rad_s = config.rig.launcher.free_speed_rad_s if args.config else None
     what_if = WhatIf(gate, threshold, free_speed_rad_s, MonotonicClock(), LAPTOP_RATE_PER_S)

@@ -1,4 +1,4 @@
-"""What runs beside the control loop of `truearc run`: eyes and recorder, in its process or in ones of their own."""
+"""Companions of the control loop of `truearc run`: eyes and recorder, in its process or in processes of their own."""
 
 import socket
 from collections.abc import Callable, Mapping
@@ -11,17 +11,13 @@ import msgspec
 
 from truearc.errors import about
 from truearc.hw.protocols import NS_PER_S, CameraFrame, Clock, LinkLost
-from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock, wall_offset_ns
 from truearc.hw.real.processes import Capacity, Child, Inbox, Line, Outbox, Slots, make_shared
-from truearc.hw.real.wires import MendedCamera
+from truearc.hw.real.wires import MendedCamera, open_camera
 from truearc.robot.config.schema import Config, RecordingConfig
-from truearc.robot.eyes import Eyes, FarEyes, InlineEyes, make_room, relay, tell, watch
-from truearc.robot.readings import open_eyes
-from truearc.robot.recording.files import Row
-from truearc.robot.recording.recorder import NEWS, Desk, FarKeeper
-from truearc.robot.recording.retention import start_pruning
-from truearc.robot.recording.writer import Keeper, LaneKeeper
+from truearc.robot.eyes import Eyes, FarEyes, InlineEyes, make_room, open_eyes, relay, tell, watch
+from truearc.robot.recording import files, upkeep
+from truearc.robot.recording.writer import NEWS, Desk, FarKeeper, Keeper, LaneKeeper
 from truearc.robot.runtime import OpenScreen, Recorder, Screen, with_screen
 from truearc.robot.types import Sighting, Tick
 from truearc.robot.vision import find_target
@@ -47,7 +43,7 @@ class OneProcess:
 
     def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
         """Make a recording's folder and open its files; OSError or InputError when they cannot be."""
-        start_pruning(self._config.recording, now_unix_s, folder)
+        upkeep.start_pruning(self._config.recording, now_unix_s, folder)
         return LaneKeeper(folder, contents, lossless=False, waits=True)
 
     def show(self, recorder: Recorder) -> Recorder:
@@ -141,7 +137,7 @@ def write(line: Line, is_first: bool, end: socket.socket, memory: object,
     cv2.setNumThreads(1)
     inbox, clock = Inbox(end), MonotonicClock()
     screen = None if open_screen is None else open_screen(clock)
-    desk = Desk(Slots(memory, NEWS), clock, make_show(screen), partial(start_pruning, limits, now_unix_s))
+    desk = Desk(Slots(memory, NEWS), clock, make_show(screen), partial(upkeep.start_pruning, limits, now_unix_s))
     line.say(None)
     desk.serve(inbox)
     inbox.close()
@@ -154,13 +150,13 @@ def now_unix_s() -> float:
     return (MonotonicClock().now_ns() + wall_offset_ns()) / NS_PER_S
 
 
-def make_show(screen: Screen | None) -> Callable[[list[Row]], None]:
+def make_show(screen: Screen | None) -> Callable[[list[files.Row]], None]:
     """Shows rows of ticks, as they are written, on the screen; none, where there is none."""
     if screen is None:
         return lambda rows: None
     decoder = msgspec.json.Decoder(Tick)
 
-    def show(rows: list[Row]) -> None:
+    def show(rows: list[files.Row]) -> None:
         for _, text, *_ in rows:
             screen.show(decoder.decode(text))
 

@@ -1,4 +1,4 @@
-"""The work of `truearc run`: opens the wires, starts the processes, records and runs."""
+"""Implementation of `truearc run` and of the drives of `truearc sysid`: opens the wires, records and runs."""
 
 import argparse
 import gc
@@ -8,35 +8,43 @@ import shutil
 import signal
 import sys
 from collections import Counter
-from contextlib import ExitStack
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
+
+from msgspec import UNSET
+from msgspec.structs import replace
 
 from truearc.cli.gate import make_command
 from truearc.cli.run_processes import LAYOUTS, ProcessLayout
 from truearc.errors import InputError, about
-from truearc.hw.protocols import NS_PER_S, Bus, Clock, LinkLost, Stream
+from truearc.hw.devices.button_box import open_button_box
+from truearc.hw.protocols import NS_PER_S, Bus, CameraFrame, Clock, LinkLost, Stream
 from truearc.hw.real.can_bus import WAIT_S, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.hw.real.system import ServiceManager, ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
 from truearc.hw.real.wires import MendedStream, open_serial
-from truearc.robot.aim_file import AimFile, load_aim_for, needs_aim
-from truearc.robot.config.overrides import load_plan, with_plan, with_ports
-from truearc.robot.config.schema import Config, load_config
-from truearc.robot.eyes import Eyes
+from truearc.hw.reason import Reason
+from truearc.robot import aim_file, motors, reasons, sysid, types
+from truearc.robot.config.schema import Config, load_config, with_ports
+from truearc.robot.eyes import Eyes, NoEyes, open_their_screens, sources_of
 from truearc.robot.gate import load_gate
-from truearc.robot.motors import guard, make_motors
 from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.operator_ui.server import open_page
-from truearc.robot.readings import open_their_screens, sources_of
 from truearc.robot.recording.files import DISK_ERRNOS, TappedBus
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import Lateness, RobotIo, TimedRig, WatchedRig, open_screens, run
 from truearc.robot.tick import step
+
+if TYPE_CHECKING:
+    from truearc.sim.world.emulated_robot import MakeNodes
+    from truearc.sim.world.world import World
 
 ROOM_BYTES = 100 << 20                # a quarter of an hour of recording, which a session should find to begin with
 
@@ -57,17 +65,17 @@ def run_robot(args: argparse.Namespace) -> int:
     """Run until a signal ends it; args: those of `truearc run`."""
     parse_page(args.page)
     config = with_ports(load_config(args.config), args.can, args.buttons, args.camera)
-    config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
-    make_motors(config)               # refuses two axes that are one device, before there is a folder
+    config = aim_file.with_plan(config, aim_file.load_plan(args.plan, config) if args.plan else (), args.repeats)
+    motors.make_motors(config)               # refuses two axes that are one device, before there is a folder
     gate = None if args.gate is None else load_gate(args.gate)
     if config.gate.policy == "model" and gate is None:
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
     if config.gate.policy != "model" and gate is not None:
         _say(f"{args.config} has gate.policy {config.gate.policy!r}: the model is asked, not obeyed")
-    aims = {} if args.aim is None else {"": load_aim_for(args.aim, config)}
-    if needs_aim(config) != bool(aims):
+    aims = {} if args.aim is None else {"": aim_file.load_aim_for(args.aim, config)}
+    if aim_file.needs_aim(config) != bool(aims):
         raise InputError(f"{args.config}: aim.policy is {config.aim.policy!r}, so --aim is "
-                         + ("needed" if needs_aim(config) else "not used"))
+                         + ("needed" if aim_file.needs_aim(config) else "not used"))
     started = wall_clock()
     folder = make_room(args.out, started)
     ending = Ending()
@@ -107,7 +115,7 @@ def run_robot(args: argparse.Namespace) -> int:
     return 0
 
 
-def _offering(args: argparse.Namespace, config: Config, session: Path, aims: dict[str, AimFile], rig: RobotIo,
+def _offering(args: argparse.Namespace, config: Config, session: Path, aims: dict[str, aim_file.AimFile], rig: RobotIo,
               wires: ExitStack) -> RobotIo:
     """That rig, with the offers of --aim-inbox in its inputs."""
     if args.aim_inbox is None:
@@ -176,7 +184,7 @@ def open_bus(config: Config, clock: Clock, wires: ExitStack, tally: Counter[str]
     wires.callback(supervised.close)
     if supervised.lost is not None:
         _say(f"{LinkLost(supervised.lost)}: holding until it can be opened")
-    return guard(supervised, config, clock, tally)
+    return motors.guard(supervised, config, clock, tally)
 
 
 def _ask_for_real_time(args: argparse.Namespace) -> None:
@@ -194,3 +202,86 @@ def _ask_for_real_time(args: argparse.Namespace) -> None:
 def _say(*lines: str) -> None:
     for line in lines:
         print(f"truearc run: {line}", file=sys.stderr)
+
+
+# --- the drives of `truearc sysid`: a real robot, or the emulated one
+
+Say = Callable[[str], None]
+Press = tuple[int, str]               # when (ns) and which button
+ARM: tuple[Press, ...] = ((500_000_000, "arm"),)
+LONGEST_NS = 900_000_000_000
+
+
+class Watch:
+    """A Recorder that passes all on, says where the program stands when that changes, and knows when it is over."""
+
+    def __init__(self, recorder: SessionWriter, config: Config, tell: Say) -> None:
+        self.over: Reason | None = None
+        self._recorder, self._program, self._tell = recorder, sysid.phases(config), tell
+        self._told: Reason | None = None
+
+    def record(self, tick: types.Tick, sent: types.Sent) -> None:
+        self._recorder.record(tick, sent)
+        progress = tick.memory.identify
+        assert isinstance(progress, types.Progress)
+        self.over = progress.over
+        reason = sysid.say(progress, self._program)
+        if reason != self._told:
+            self._told = reason
+            self._tell(reasons.text(reason))
+
+    def keep_picture(self, picture: CameraFrame) -> None: ...
+
+
+def open_recorder(folder: Path, config: Config, started: str | None, lossless: bool) -> SessionWriter:
+    """Open a session whose header says that it records a sysid program, not shots."""
+    offset_ns = UNSET if started is None else wall_offset_ns()
+    header = replace(make_header(config, None, started, wall_offset_ns=offset_ns), policy=sysid.POLICY)
+    return SessionWriter(folder, header, config, None, lossless)
+
+
+def drive_robot(config: Config, folder: Path | None, tell: Say) -> Path:
+    """Drive the real launcher until the program is over or Ctrl-C; returns the session's folder."""
+    motors.make_motors(config)               # refuses two axes that are one device, before there is a folder
+    step, ending, started = sysid.make_step(config), Ending(), wall_clock()
+    folder = folder or Path("sessions") / started.replace(":", "")
+    with ExitStack() as wires:
+        clock = MonotonicClock()
+        with about("cannot start", LinkLost):
+            bus = open_bus(config, clock, wires, Counter())
+            box = open_serial(config.buttons.port, config.buttons.baud)
+            wires.callback(box.close)
+        recorder = open_recorder(folder, config, started, lossless=False)
+        wires.callback(recorder.close)
+        watch = Watch(recorder, config, tell)
+        rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, NoEyes(), clock,
+                          lambda: ending.asked or watch.over is not None)
+        wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
+        run(rig, config, None, watch, step)
+    if recorder.failed is not None:
+        raise InputError(f"{folder}: the recording stopped: {recorder.failed}")
+    return folder
+
+
+def drive_twin(config: Config, folder: Path, world: "World", tell: Say, presses: Sequence[Press] = ARM,
+               nodes_of: "MakeNodes | None" = None) -> Reason | None:
+    """Drive `world` until the program is over; returns how it ended. `nodes_of` makes devices other than its own."""
+    from truearc.sim.world.emulated_robot import check_emulated, emulated_rig, make_nodes
+    step, box, left = sysid.make_step(check_emulated(config)), open_button_box(), list(presses)
+
+    def operate(t_ns: int) -> None:
+        while left and left[0][0] <= t_ns:
+            box.press(left.pop(0)[1])
+
+    with closing(open_recorder(folder, config, None, lossless=True)) as recorder:
+        watch = Watch(recorder, config, tell)
+
+        def over(now_ns: int) -> bool:
+            return watch.over is not None or now_ns > LONGEST_NS
+
+        nodes = (nodes_of or make_nodes)(config, world)
+        with emulated_rig(config, world, nodes, box, NoEyes(), (operate,), recorder.tap, over) as (rig, _):
+            run(rig, config, None, watch, step)
+    if recorder.failed is not None:
+        raise recorder.failed
+    return watch.over

@@ -6,7 +6,6 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from truearc.cli import common
-from truearc.cli.outputs import out_file
 from truearc.errors import EXPORTS, OTHER_FORMATS
 
 
@@ -26,7 +25,7 @@ def replay(args: argparse.Namespace) -> int:
 
     Exit 1 on the first difference. With another configuration or model: which outputs would have differed.
     """
-    from truearc.cli.session_replay import replay_as_recorded, replay_with
+    from truearc.cli.session_work import replay_as_recorded, replay_with
     if args.config is None and args.gate is None:
         return replay_as_recorded(args)
     if args.depth == "frames":
@@ -43,8 +42,8 @@ def recover(args: argparse.Namespace) -> int:
 
     Nothing that is whole is lost, and the damaged files are kept in SESSION/damaged.
     """
-    from truearc.robot.recording.recover import recover
     from truearc.robot.recording.session import CAN, INDEX
+    from truearc.robot.recording.upkeep import recover
     recovered = recover(args.session)
     absent = [name for name in (CAN, INDEX) if not (args.session / name).exists()]
     counts = f"{recovered.ticks} ticks, {recovered.trials} trials"
@@ -58,16 +57,13 @@ def recover(args: argparse.Namespace) -> int:
 
 def convert_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("session", type=Path, help="recorded session folder")
-    parser.add_argument("--to", required=True, choices=_formats(), help="format")
+    # of truearc, of installed distributions, and of those that say what to install
+    formats = {"csv", "mcap", "parquet", *OTHER_FORMATS, *(point.name for point in entry_points(group=EXPORTS))}
+    parser.add_argument("--to", required=True, choices=sorted(formats), help="format")
     parser.add_argument("--belief", type=Path, metavar="FILE", help="with --to mcap: coefficients.toml by which the "
                         "flights of marked shots are drawn (needs truearc[sim]); without it none is")
     common.add_terms_from(parser)
-    parser.add_argument("-o", "--out", type=out_file, required=True, metavar="FILE", help="file to write")
-
-
-def _formats() -> list[str]:
-    """Formats of truearc, of installed distributions, and of those that say what to install."""
-    return sorted({"csv", "mcap", "parquet", *OTHER_FORMATS, *(point.name for point in entry_points(group=EXPORTS))})
+    parser.add_argument("-o", "--out", type=common.out_file, required=True, metavar="FILE", help="file to write")
 
 
 def convert(args: argparse.Namespace) -> int:
@@ -77,5 +73,5 @@ def convert(args: argparse.Namespace) -> int:
     with one row per marked trial), and the formats of other distributions. With
     --belief an MCAP also shows the flight of each marked shot as the belief has it.
     """
-    from truearc.cli.session_convert import convert
+    from truearc.cli.session_work import convert
     return convert(args)

@@ -1,6 +1,6 @@
-"""The work of `truearc vision-tune`: a page that measures pictures, or the live camera, with changed settings.
+"""Implementation of `truearc vision-tune`, a page that measures pictures or the live camera with changed settings.
 
-All that the page loads comes from this machine.
+The page loads nothing from other machines.
 """
 
 import argparse
@@ -23,8 +23,8 @@ from truearc.cli.common import load_camera
 from truearc.cli.vision_images import load_image, why_not
 from truearc.errors import InputError, make_toml, reworded, save_whole
 from truearc.hw.protocols import Camera, CameraFrame, LinkLost
-from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.real.wires import open_camera
 from truearc.robot.config.schema import CameraFile, Vision
 from truearc.robot.operator_ui.server import LocalHandler, LocalServer
 from truearc.robot.vision import detect, draw_mask, draw_regions

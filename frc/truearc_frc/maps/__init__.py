@@ -1,1 +1,1 @@
-"""Maps of logs and tables of the FIRST Robotics Competition (`truearc import --map`), a shots.toml each."""
+"""Maps of logs and tables of the FIRST Robotics Competition (`truearc import --map`), one shots.toml each."""

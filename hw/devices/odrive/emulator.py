@@ -1,7 +1,8 @@
-"""An emulated ODrive axis: byte-exact frames, documented rates, and its own safety limits."""
+"""An emulated ODrive axis with byte-exact frames, documented rates and the device's own safety limits."""
 
 import math
 from collections.abc import Callable
+from functools import partial
 from types import MappingProxyType
 
 from msgspec import Struct
@@ -84,12 +85,13 @@ class OdriveNode(ReportingNode):
         self._start_rad = 0.0 if self.settings.is_absolute else self._truth.position_rad
         self._expires_ns = NEVER_NS
         self._parameters = dict(self.settings.parameters)
-        self._reports = tuple(Report(period_ms * MS, t_ns + PHASE_NS, make)
-                              for period_ms, make in self._answers().values())
+        self._says = self._table()
+        self._reports = tuple(Report(period_ms * MS, t_ns + PHASE_NS, partial(self._make, message))
+                              for message, (period_ms, _) in self._says.items())
         self._plan()
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
-        questions = (self._codec.base_id(name) for name in ("Get_Version", "Address", *self._answers()))
+        questions = map(self._codec.base_id, self._says)
         return tuple((self._base_id | command, False) for command in (*self._handlers, *questions))
 
     def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
@@ -97,7 +99,7 @@ class OdriveNode(ReportingNode):
         command = frame.arbitration_id - self._base_id
         if frame.is_remote:
             self._truth = self._plant.motor(self._name)
-            return self._answer(command)
+            return [self._make(name) for name in self._says if self._codec.base_id(name) == command]
         if command not in self._handlers:
             return []
         name, take = self._handlers[command]
@@ -211,56 +213,33 @@ class OdriveNode(ReportingNode):
     def _feed(self, t_ns: int) -> None:
         self._expires_ns = t_ns + self.settings.watchdog_ms * MS if self.settings.watchdog_ms else NEVER_NS
 
-    def _answers(self) -> dict[str, tuple[int, Callable[[], Frame]]]:
-        """Messages that it sends: their periods in ms, and how each is made."""
-        settings = self.settings
-        return {"Heartbeat": (settings.heartbeat_ms, self._make_heartbeat),
-                "Get_Error": (settings.error_ms, self._make_error),
-                "Get_Encoder_Estimates": (settings.encoder_ms, self._make_estimates),
-                "Get_Temperature": (0, self._make_temperature),
-                "Get_Iq": (settings.current_ms, self._make_iq),
-                "Get_Bus_Voltage_Current": (settings.bus_ms, self._make_bus)}
+    def _table(self) -> dict[str, tuple[int, Callable[[], Values]]]:
+        """Messages that it sends: their periods in ms, 0 where they are asked for only, and their values."""
+        settings, sign = self.settings, self._axis.direction
+        return {
+            "Heartbeat": (settings.heartbeat_ms, lambda: {
+                "axis_error": self.errors | self.disarm_reason, "axis_state": self.state,
+                "procedure_result": self._procedure_result, "trajectory_done": 0}),
+            "Get_Error": (settings.error_ms, lambda: {
+                "active_errors": self.errors, "disarm_reason": self.disarm_reason}),
+            "Get_Encoder_Estimates": (settings.encoder_ms, lambda: {
+                "position_rev": sign * (self._truth.position_rad - self._start_rad) / math.tau,
+                "velocity_rev_s": sign * self._truth.velocity_rad_s / math.tau}),
+            "Get_Temperature": (0, lambda: dict(zip(
+                ("inverter_degc", "motor_degc"), self.settings.temperatures_degc, strict=True))),
+            "Get_Iq": (settings.current_ms, lambda: {
+                "setpoint_a": self._asked_nm / self.settings.torque_nm_a, "measured_a": sign * self._truth.current_a}),
+            "Get_Bus_Voltage_Current": (settings.bus_ms, self._supply),
+            "Get_Version": (0, lambda: {
+                "protocol": 2, "hardware_line": 5, "hardware_version": 2, "hardware_variant": 0,
+                "firmware_unreleased": 0, **dict(zip(
+                    ("firmware_major", "firmware_minor", "firmware_revision"), self.settings.firmware, strict=True))}),
+            "Address": (0, lambda: {"node": self._axis.node, "serial": self.settings.serial})}
 
-    def _answer(self, command: int) -> list[Frame]:
-        """The frame that a remote frame requests, if the device has it."""
-        if command == self._codec.base_id("Get_Version"):
-            return [self._make_version()]
-        if command == self._codec.base_id("Address"):
-            return [odrive.make(self._axis, "Address", {"node": self._axis.node, "serial": self.settings.serial})]
-        return [make() for name, (_, make) in self._answers().items() if self._codec.base_id(name) == command]
-
-    def _make_heartbeat(self) -> Frame:
-        return odrive.make(self._axis, "Heartbeat", {
-            "axis_error": self.errors | self.disarm_reason, "axis_state": self.state,
-            "procedure_result": self._procedure_result, "trajectory_done": 0})
-
-    def _make_error(self) -> Frame:
-        return odrive.make(self._axis, "Get_Error", {"active_errors": self.errors, "disarm_reason": self.disarm_reason})
-
-    def _make_estimates(self) -> Frame:
-        truth, sign = self._truth, self._axis.direction
-        turned_rad = truth.position_rad - self._start_rad
-        return odrive.make(self._axis, "Get_Encoder_Estimates", {
-            "position_rev": sign * turned_rad / math.tau,
-            "velocity_rev_s": sign * truth.velocity_rad_s / math.tau})
-
-    def _make_iq(self) -> Frame:
-        setpoint_a = self._asked_nm / self.settings.torque_nm_a
-        measured_a = self._axis.direction * self._truth.current_a
-        return odrive.make(self._axis, "Get_Iq", {"setpoint_a": setpoint_a, "measured_a": measured_a})
-
-    def _make_temperature(self) -> Frame:
-        inverter, motor = self.settings.temperatures_degc
-        return odrive.make(self._axis, "Get_Temperature", {"inverter_degc": inverter, "motor_degc": motor})
-
-    def _make_bus(self) -> Frame:
+    def _supply(self) -> Values:
+        """Power at the shaft only: the plant does not report the losses in the windings."""
         truth, bus_v = self._truth, self._plant.bus_v()
-        # Power at the shaft only: the plant does not report the losses in the windings.
-        bus_a = truth.torque_nm * truth.velocity_rad_s / bus_v if bus_v > 0.0 else 0.0
-        return odrive.make(self._axis, "Get_Bus_Voltage_Current", {"bus_v": bus_v, "bus_a": bus_a})
+        return {"bus_v": bus_v, "bus_a": truth.torque_nm * truth.velocity_rad_s / bus_v if bus_v > 0.0 else 0.0}
 
-    def _make_version(self) -> Frame:
-        major, minor, revision = self.settings.firmware
-        return odrive.make(self._axis, "Get_Version", {
-            "protocol": 2, "hardware_line": 5, "hardware_version": 2, "hardware_variant": 0, "firmware_major": major,
-            "firmware_minor": minor, "firmware_revision": revision, "firmware_unreleased": 0})
+    def _make(self, message: str) -> Frame:
+        return odrive.make(self._axis, message, self._says[message][1]())

@@ -1,8 +1,8 @@
-"""ODrive as a MotorFamily: its table, motor driver and bus rules, its doctor and its stored settings.
+"""The ODrive as a MotorFamily: its table, motor driver, bus rules, doctor checks and stored settings.
 
-Settings that its cyclic frames do not show are asked for: its watchdog and its encoder's filter. A parameter's number
-differs between firmware versions, so the table of the axes' own version is needed: the maker's flat_endpoints.json,
-{"fw_version": "0.6.10", "endpoints": {name: {"id": number, "type": type}}}.
+The watchdog and encoder filter settings do not appear in the cyclic frames, so they are read on request. A parameter's
+number differs between firmware versions, so the table for the installed version is needed: the maker's
+flat_endpoints.json, {"fw_version": "0.6.10", "endpoints": {name: {"id": number, "type": type}}}.
 """
 
 import contextlib
@@ -17,40 +17,22 @@ from typing import Annotated
 from msgspec import Meta
 from msgspec.structs import replace
 
+from truearc.hw import codec, fault_codes, reason
 from truearc.hw.bus_rules import Rules, allow, allow_seldom, kinds_of
-from truearc.hw.codec import DBC
-from truearc.hw.devices import family
-from truearc.hw.devices.drivers import AskedMotor
-from truearc.hw.devices.family import (
-    AttachedMotor,
-    Axis,
-    AxisCheck,
-    Bounds,
-    Endpoints,
-    Finding,
-    Heard,
-    MotorFamily,
-    Stored,
-    StoredSettings,
-    TorquePerAmp,
-    current_limit_a,
-    failure,
-    ok,
-    warning,
-)
+from truearc.hw.devices import drivers, family
+from truearc.hw.devices.family import Axis, Finding, Heard, failure, ok, warning
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
 from truearc.hw.devices.odrive.frames import OdriveAxis
-from truearc.hw.fault_codes import BY_NAME
 from truearc.hw.protocols import NS_PER_MS, BadFrame, Frame, MotorReading, Order
-from truearc.hw.reason import listed
 
 RETRY_NS = 100_000_000                # how often orders to come up or to let go are repeated: a frame may be lost
-ENDSTOP_NS = 50_000_000               # an answer about the limit switch is good for; then it is asked until it answers
+ENDSTOP_NS = 50_000_000               # between two questions about the limit switch ...
+ENDSTOP_LOST_NS = 250_000_000         # ... but each tick where an answer is overdue, and not missing for longer
 FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the watchdog wants to hear it
 
 
-class OdriveMotor(AskedMotor):
+class OdriveMotor(drivers.AskedMotor):
     """A Motor that is given torques. Its errors stand until it is wanted again: arming is the operator's re-arm.
 
     Released, or while its readings come too late, it is ordered to give no torque and to go idle, whatever it says of
@@ -67,7 +49,7 @@ class OdriveMotor(AskedMotor):
         self._stop = (odrive.make_torque(axis, 0.0), odrive.make_state(axis, odrive.IDLE))
         self._wanted = self._driven = False
         self._asked_ns = -RETRY_NS
-        self._fed_ns = 0
+        self._endstop_ns = self._fed_ns = 0
         self._asked_nm = 0.0
 
     def take(self, frame: Frame) -> None:
@@ -83,7 +65,9 @@ class OdriveMotor(AskedMotor):
         self._wanted = wanted
         driven_nm = torque_nm if self._trip.is_timely else None
         frames += self._keep_state(driven_nm is not None, t_ns) + self._asked()
-        if self._axis.endstop_endpoint and t_ns - self.reading.endstop_t_ns >= ENDSTOP_NS:
+        overdue = ENDSTOP_NS <= t_ns - self.reading.endstop_t_ns <= ENDSTOP_LOST_NS
+        if self._axis.endstop_endpoint and (overdue or t_ns - self._endstop_ns >= ENDSTOP_NS):
+            self._endstop_ns = t_ns
             frames += (odrive.make_endstop_query(self._axis),)
         return Order(frames) if driven_nm is None else Order(frames + self._feed(driven_nm, t_ns), driven_nm)
 
@@ -130,20 +114,20 @@ class OdriveConfig(OdriveAxis, Axis, frozen=True, forbid_unknown_fields=True, om
     """An ODrive, given torques."""
 
     endstop_endpoint: Annotated[int, Meta(ge=0, le=65535)]    # SDO endpoint that reads the limit switch; 0 = none
-    torque_nm_a: TorquePerAmp = 0.0   # its torque_constant; 0: not known, its own limits stay as they are stored
+    torque_nm_a: family.TorquePerAmp = 0.0   # its torque_constant; 0: not known, its own limits stay as they are stored
 
 
-def make_motors(axes: Sequence[OdriveConfig], bounds: Sequence[Bounds]) -> tuple[OdriveMotor, ...]:
+def make_motors(axes: Sequence[OdriveConfig], bounds: Sequence[family.Bounds]) -> tuple[OdriveMotor, ...]:
     return tuple(OdriveMotor(axis, make_limits(axis, one)) for axis, one in zip(axes, bounds, strict=True))
 
 
-def make_limits(axis: OdriveConfig, bounds: Bounds) -> Frame | None:
+def make_limits(axis: OdriveConfig, bounds: family.Bounds) -> Frame | None:
     """The device's own limits; None where one of them is not known, for the frame sets both."""
-    speed_rad_s, current_a = family.speed_limit_rad_s(bounds), current_limit_a(bounds, axis.torque_nm_a)
+    speed_rad_s, current_a = family.speed_limit_rad_s(bounds), family.current_limit_a(bounds, axis.torque_nm_a)
     return None if speed_rad_s is None or current_a is None else odrive.make_limits(axis, speed_rad_s, current_a)
 
 
-def make_node(axis: OdriveAxis, motor: AttachedMotor) -> OdriveNode:
+def make_node(axis: OdriveAxis, motor: family.AttachedMotor) -> OdriveNode:
     settings = replace(SETTINGS.get(motor.name, OdriveSettings()), watchdog_ms=motor.watchdog_ms,
                        is_absolute=motor.is_absolute)
     return OdriveNode(axis, motor.name, motor.plant, settings, motor.endstop if axis.endstop_endpoint else None)
@@ -170,7 +154,7 @@ NOT_ASKED = "watchdog and encoder filter are not asked for: no table of paramete
 GIVE = "give its firmware's flat_endpoints.json to --endpoints"
 
 
-def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
+def questions(axis: OdriveAxis, endpoints: family.Endpoints | None) -> list[Frame]:
     """Its version, its serial number, its limit switch, and its parameters when their numbers are known."""
     numbers = [] if endpoints is None else [endpoints.ids[name] for name in ASKED]
     numbers += [axis.endstop_endpoint] if axis.endstop_endpoint else []
@@ -178,7 +162,7 @@ def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
             *(odrive.make_parameter_query(axis, number) for number in numbers)]
 
 
-def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding]:
+def examine(axis: OdriveAxis, check: family.AxisCheck, heard: Heard) -> Iterator[Finding]:
     """All findings about the axis."""
     name, endpoints = check.name, check.endpoints
     yield check_firmware(name, axis, heard)
@@ -249,7 +233,7 @@ def check_errors(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
         return failure(check, f"sends what cannot be ({refused[-1]})",
                        "look at the wiring and at whether another device has its node id")
     if reading.axis_error:
-        return warning(check, listed(odrive.errors_of(reading.axis_error), BY_NAME),
+        return warning(check, reason.listed(odrive.errors_of(reading.axis_error), fault_codes.BY_NAME),
                        "arming clears errors; one that comes back has a cause")
     if reading.heartbeat_t_ns == 0:
         return failure(check, "no heartbeat says how it is", "set the axis's heartbeat to 100 ms")
@@ -266,7 +250,7 @@ def check_switch(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     return ok(check, f"told as {'closed' if reading.endstop else 'open'}; whether it closes and opens, --move tells")
 
 
-def parse_endpoints(text: str) -> Endpoints:
+def parse_endpoints(text: str) -> family.Endpoints:
     """The contents of flat_endpoints.json; ValueError says what is missing."""
     try:
         table = json.loads(text)
@@ -277,10 +261,10 @@ def parse_endpoints(text: str) -> Endpoints:
     for name in ASKED:
         if name not in ids:
             raise ValueError(f"has no endpoint {name!r}")
-    return Endpoints(firmware, ids)
+    return family.Endpoints(firmware, ids)
 
 
-def check_parameters(name: str, axis: OdriveAxis, endpoints: Endpoints | None, tick_hz: int,
+def check_parameters(name: str, axis: OdriveAxis, endpoints: family.Endpoints | None, tick_hz: int,
                      heard: Heard) -> Iterator[Finding]:
     """All findings about parameters; without a table, that they were not asked for."""
     watchdog, encoder_filter = f"{name}, watchdog", f"{name}, encoder filter"
@@ -323,7 +307,7 @@ def _check_filter(check: str, answers: Mapping[str, bytes], tick_hz: int) -> Fin
     return ok(check, f"its speed lags by {lag_ms:.1f} ms")
 
 
-def _check_table(check: str, axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> Finding | None:
+def _check_table(check: str, axis: OdriveAxis, endpoints: family.Endpoints, heard: Heard) -> Finding | None:
     """Whether table, firmware and the configured limit switch belong together; None if its version is unreadable."""
     for frame in heard.of(odrive.frame_id(axis, "Get_Version"))[:1]:
         try:
@@ -363,7 +347,7 @@ NEAR = 0.01                           # a stored limit within this share is that
 RESTART_S = 3.0                       # until its frames are there again, with time to spare
 
 
-def stored_settings(axis: OdriveAxis, bounds: family.Bounds, endpoints: Endpoints) -> StoredSettings:
+def stored_settings(axis: OdriveAxis, bounds: family.Bounds, endpoints: family.Endpoints) -> family.StoredSettings:
     """The axis's watchdog, and limits where the rig knows them; KeyError names a parameter that the table lacks."""
     found = [_setting(axis, endpoints.ids[WATCHDOG_ON], WATCHDOG_ON, 1.0, 1.0, 1.0, "<?"),
              _setting(axis, endpoints.ids[WATCHDOG_S], WATCHDOG_S, GOOD_S, SHORTEST_S, LONGEST_S, "<f")]
@@ -373,22 +357,22 @@ def stored_settings(axis: OdriveAxis, bounds: family.Bounds, endpoints: Endpoint
             found.append(_setting(axis, endpoints.ids[name], name, wanted, wanted * (1.0 - NEAR),
                                   wanted * (1.0 + NEAR), "<f"))
     save = odrive.make_parameter_write(axis, endpoints.ids[SAVE], b"")
-    return StoredSettings(tuple(found), (odrive.make_version_query(axis),), partial(_refuse, axis, endpoints), (save,),
-                          RESTART_S)
+    return family.StoredSettings(tuple(found), (odrive.make_version_query(axis),), partial(_refuse, axis, endpoints),
+                                 (save,), RESTART_S)
 
 
 def _setting(axis: OdriveAxis, number: int, name: str, wanted: float, low: float, high: float,
-             form: str) -> Stored:
+             form: str) -> family.Stored:
     def read(heard: Heard) -> float | None:
         data = _parameters(axis, heard).get(number)
         return None if data is None else float(struct.unpack_from(form, data)[0])
 
     kind = bool if form == "<?" else float
-    return Stored(name, wanted, low, high, odrive.make_parameter_query(axis, number),
+    return family.Stored(name, wanted, low, high, odrive.make_parameter_query(axis, number),
                   odrive.make_parameter_write(axis, number, struct.pack(form, kind(wanted))), read)
 
 
-def _refuse(axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> str:
+def _refuse(axis: OdriveAxis, endpoints: family.Endpoints, heard: Heard) -> str:
     """Another firmware's table would write something else; a driven axis is in use."""
     versions = heard.of(odrive.frame_id(axis, "Get_Version"))
     try:
@@ -405,8 +389,8 @@ def _refuse(axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> str:
     return ""
 
 
-ODRIVE = MotorFamily(
-    driver="odrive", axis=OdriveConfig, example=OdriveConfig(4, 1, 0), dbc=DBC / "odrive.dbc", is_commanded=True,
+ODRIVE = family.MotorFamily(
+    driver="odrive", axis=OdriveConfig, example=OdriveConfig(4, 1, 0), dbc=codec.DBC / "odrive.dbc", is_commanded=True,
     make_motors=make_motors, make_rules=make_rules,
     errors=lambda axis, motor: odrive.errors_of(motor.axis_error),
     is_driven=lambda axis, motor: motor.axis_state == odrive.CLOSED_LOOP, questions=questions, examine=examine,

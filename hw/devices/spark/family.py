@@ -1,24 +1,25 @@
-"""REV SPARK MAX and Flex as a MotorFamily: its table, its bus rules and its doctor."""
+"""REV SPARK MAX and Flex as a MotorFamily and an EncoderFamily: tables, bus rules and doctor checks."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Annotated
 
-from msgspec import Meta
+from msgspec import Meta, Struct
 from msgspec.structs import replace
 
 from truearc.hw.bus_rules import Rules, allow, allow_seldom, kinds_of
 from truearc.hw.codec import DBC
-from truearc.hw.devices import family
-from truearc.hw.devices.drivers import DcMotor
-from truearc.hw.devices.family import AttachedMotor, Axis, AxisCheck, Bounds, Finding, Heard, failure, ok, warning
+from truearc.hw.devices import drivers, family
+from truearc.hw.devices.family import Axis, Finding, Heard, failure, ok, warning
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis
-from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
+from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor, SparkSetup
+from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.fault_codes import BY_NAME
-from truearc.hw.protocols import NS_PER_MS, BadFrame, Frame, MotorReading
-from truearc.hw.reason import listed
+from truearc.hw.protocols import NS_PER_MS, AngleReading, BadFrame, Frame, MotorReading
+from truearc.hw.reason import Reason, listed
 
 PULSE_NS = 10 * NS_PER_MS             # STATUS_0: how often a device says how it is; its maker's own setting
 
@@ -34,16 +35,6 @@ def make_rules(axis: spark.SparkAxis, each_tick: int) -> Rules:
     return Rules(allowed, by_host, by_device, {(spark.frame_id(axis, "STATUS_0"), True, False): PULSE_NS})
 
 
-def make_encoder_rules(axis: spark.SparkAxis, settings: Mapping[int, float] | None, each_tick: int) -> Rules:
-    """Of a SPARK that has the encoder on its data port; settings: of that, None where nothing is sent to it."""
-    if settings is None:
-        return replace(make_rules(axis, each_tick), allowed=())
-    parameter, value = next(iter(settings.items()))
-    allowed = (allow(spark.make_setting(axis, parameter, value), 2 * len(settings)),
-               *allow_seldom([spark.make_statuses(axis, spark.ENCODER_STATUSES), spark.make_version_query(axis)]))
-    return replace(make_rules(axis, each_tick), allowed=allowed)
-
-
 LOOK = "look at its power and plug, and at its CAN id in REV's hardware client"
 
 
@@ -52,7 +43,7 @@ def questions(axis: SparkAxis, endpoints: family.Endpoints | None) -> list[Frame
     return [spark.make_version_query(axis)]
 
 
-def examine(axis: SparkAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding]:
+def examine(axis: SparkAxis, check: family.AxisCheck, heard: Heard) -> Iterator[Finding]:
     """All findings about the axis."""
     yield check_firmware(check.name, axis, heard)
     yield check_status(check.name, axis, heard)
@@ -108,14 +99,14 @@ class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True
     torque_nm_a: family.TorquePerAmp = 0.0    # of the motor; 0: not known, its stall current limit stays as stored
 
 
-def make_motors(axes: Sequence[SparkConfig], bounds: Sequence[Bounds]) -> tuple[SparkMotor, ...]:
+def make_motors(axes: Sequence[SparkConfig], bounds: Sequence[family.Bounds]) -> tuple[SparkMotor, ...]:
     heartbeat = SparkHeartbeat()
-    return tuple(SparkMotor(axis, DcMotor(axis.stall_torque_nm, axis.free_speed_rad_s, axis.rated_v), heartbeat,
+    return tuple(SparkMotor(axis, drivers.DcMotor(axis.stall_torque_nm, axis.free_speed_rad_s, axis.rated_v), heartbeat,
                             spark.settings(axis, one, axis.torque_nm_a))
                  for axis, one in zip(axes, bounds, strict=True))
 
 
-def make_node(axis: spark.SparkAxis, motor: AttachedMotor) -> SparkNode:
+def make_node(axis: spark.SparkAxis, motor: family.AttachedMotor) -> SparkNode:
     return SparkNode(axis, motor.name, motor.plant, SparkSettings(motor.kt_nm_a, motor.resistance_ohm),
                      motor.endstop if axis.has_endstop else None)
 
@@ -127,3 +118,126 @@ SPARK = family.MotorFamily(
     errors=lambda axis, motor: spark.errors_of(motor.axis_error),
     is_driven=lambda axis, motor: motor.axis_state == spark.DRIVEN, questions=questions, examine=examine,
     make_node=make_node)
+
+
+# --- an absolute (duty-cycle) encoder on the data port; the SPARK may be a motor's as well
+
+LONGEST_MS = 50                       # later ones would be too old to fire with, and to tell a reset by
+# Of one that signals its turn in 1024 steps: a step's standard deviation is 0.1 deg, and its ends are as far off
+SIGMA_DEG = 0.2
+
+
+class SparkEncoderConfig(Struct, family.HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver",
+                         tag="spark"):
+    """A through-bore encoder that turns with the hood, on the data port of a SPARK MAX or Flex."""
+
+    device: family.CanNode                   # the SPARK's
+    period_ms: Annotated[int, Meta(ge=0, le=LONGEST_MS)]    # set in the device; 0: no frame is sent to it
+    zero_deg: family.Finite                  # encoder reading when the launch elevation is 0
+    direction: family.Direction              # +1 if the reading grows with elevation
+
+
+class SparkEncoder(family.Encoder):
+    """Angles count only once the device has confirmed that one turn is 1, which it forgets in a reset.
+
+    They are older by the time that an answer of the device takes; of one that is not to be sent anything that is not
+    known.
+    """
+
+    def __init__(self, table: SparkEncoderConfig) -> None:
+        self._axis = _axis(table)
+        self._setup = SparkSetup(self._axis, spark.ENCODER_STATUSES, _settings(table)) if table.period_ms else None
+        self._trip = drivers.RoundTrip(spark.name_of(self._axis)) if table.period_ms else None
+        # a setting of its own, confirmed once more: its device may be a motor's, which is asked something else
+        self._question = spark.make_setting(self._axis, spark.DUTY_FACTOR, 1.0)
+        takers = {} if self._setup is None else {**self._setup.takers, "PARAMETER_WRITE_RESPONSE": self._take_setting}
+        self._takers = {spark.frame_id(self._axis, name): take for name, take in takers.items()}
+
+    def ids(self) -> tuple[tuple[int, bool], ...]:
+        angles = (spark.frame_id(self._axis, name) for name in spark.ENCODER_READINGS)
+        return tuple((frame_id, True) for frame_id in (*self._takers, *angles))
+
+    def take(self, frame: Frame) -> None:
+        if (taker := self._takers.get(frame.arbitration_id)) is not None:
+            taker(frame)
+        elif self._setup is None or self._setup.is_ready:
+            late_ns = 0 if self._trip is None else self._trip.late_ns
+            self.reading = spark.parse_angle(self._axis, drivers.older(frame, late_ns), self.reading)
+
+    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        if self._setup is None or self._trip is None:
+            return ()
+        fault = self._setup.fault()
+        return family.trip_faults(self._trip, t_ns) if fault is None else (fault.about(motor=family.CHECK),)
+
+    def frames(self, t_ns: int) -> tuple[Frame, ...]:
+        if self._setup is None or self._trip is None:
+            return ()
+        heard_ns = 0 if self.reading is None else self.reading.t_ns + self._trip.late_ns
+        frames = self._setup.frames(t_ns, heard_ns)
+        if self._setup.is_ready and self._trip.is_due:
+            frames = [self._question]
+        if self._question in frames:
+            self._trip.asked()
+        return tuple(frames)
+
+    def _take_setting(self, frame: Frame) -> None:
+        assert self._setup is not None and self._trip is not None
+        answer = self._setup.take_setting(frame)
+        if answer is not None and answer[0] == spark.DUTY_FACTOR:
+            self.reading = family.aged(self.reading, self._trip.answered(frame.t_ns))
+
+
+def make_encoder_rules(table: SparkEncoderConfig, each_tick: int) -> tuple[Rules]:
+    """Of the SPARK that has the encoder; nothing is sent to one that reports it to another controller."""
+    axis, settings = _axis(table), _settings(table)
+    allowed = (allow(spark.make_setting(axis, spark.DUTY_FACTOR, 1.0), 2 * len(settings)),
+               *allow_seldom([spark.make_statuses(axis, spark.ENCODER_STATUSES), spark.make_version_query(axis)]))
+    return (replace(make_rules(axis, each_tick), allowed=allowed if table.period_ms else ()),)
+
+
+def examine_encoder(table: SparkEncoderConfig, around: family.Around, heard: family.Heard) -> Iterator[Finding]:
+    """Its SPARK's firmware, and its angle where that is on: a run turns it on by itself."""
+    axis = _axis(table)
+    if table.period_ms:
+        yield check_firmware(family.CHECK, axis, heard)
+    ids = [(spark.frame_id(axis, name), True) for name in spark.ENCODER_READINGS]
+    start: AngleReading | None = None
+    reading, refused = heard.read(ids, partial(spark.parse_angle, axis), start)
+    if refused:
+        yield failure(family.CHECK, f"sends what cannot be ({refused[0]})", "is its conversion factor 1?")
+    elif reading is None and not table.period_ms:
+        yield failure(family.CHECK, f"device {table.device} does not report it",
+                      "have its controller turn status 5 and 6 on")
+    elif reading is not None and reading.faults:
+        yield failure(family.CHECK, "gives no signal", "look at its plug and at the SPARK's data port")
+    else:
+        yield ok(family.CHECK, "gives an angle" if reading is not None else "is reported once the robot runs")
+
+
+def make_encoder_node(table: SparkEncoderConfig, plant: Plant, nodes: Mapping[str, Node]) -> Node | None:
+    def turns() -> float:
+        return (table.zero_deg + table.direction * math.degrees(plant.hood_encoder_rad())) / 360.0
+
+    for motor in nodes.values():
+        if isinstance(motor, SparkNode) and motor.device == table.device:
+            motor.absolute_rev = turns
+            return None
+    node = SparkNode(_axis(table), None, plant)
+    node.absolute_rev = turns
+    return node
+
+
+def _axis(table: SparkEncoderConfig) -> spark.SparkAxis:
+    return spark.SparkAxis(table.device, 1)
+
+
+def _settings(table: SparkEncoderConfig) -> dict[int, float]:
+    return {spark.DUTY_FACTOR: 1.0, spark.STATUS_5_PERIOD: float(table.period_ms)}
+
+
+SPARK_ENCODER = family.EncoderFamily(
+    driver="spark", table=SparkEncoderConfig, example=SparkEncoderConfig(3, 10, 40.0, 1), least_sigma_deg=SIGMA_DEG,
+    make=lambda table, around: SparkEncoder(table), make_rules=make_encoder_rules,
+    questions=lambda table: (spark.make_version_query(_axis(table)),) if table.period_ms else (),
+    examine=examine_encoder, make_node=make_encoder_node)

@@ -1,10 +1,10 @@
-"""REV SPARK MAX and SPARK Flex, firmware 25 and 26: frames to send, and what the frames that come back say. No IO.
+"""REV SPARK MAX and SPARK Flex frames for firmware 25 and 26: encoding of commands and decoding of replies. No I/O.
 
-An arbitration id is 29 bits: that of device 0 plus the device's number. On the wire positions are revolutions of the
-motor shaft and speeds revolutions a minute; here they are radians, and the axis's `direction` has been applied.
+An arbitration id has 29 bits: the id for device 0 plus the device number. On the wire, positions are in revolutions of
+the motor shaft and speeds in revolutions per minute; here they are in radians with the axis's `direction` applied.
 
-A SPARK that has once heard a competition's robot controller obeys no other until its power is taken away (REV's CAN
-specification, STATUS_0's PRIMARY_HEARTBEAT_LOCK).
+Once a SPARK has received a heartbeat from a competition's robot controller, it obeys no other controller until it is
+powered off (REV's CAN specification, STATUS_0's PRIMARY_HEARTBEAT_LOCK).
 """
 
 import math

@@ -1,4 +1,4 @@
-"""A SPARK as a Motor: asked who it is, set up, verified, and kept enabled by a heartbeat that only the tick sends."""
+"""The SPARK as a Motor: identification, setup, verification, and the enabling heartbeat, which only the tick sends."""
 
 from collections.abc import Mapping
 from functools import partial

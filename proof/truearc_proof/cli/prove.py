@@ -1,11 +1,10 @@
-"""Draw concealed worlds, seal their truth, discover in their data, open the seals and mark the claims.
+"""Draw concealed worlds, seal their truth, run discovery on their data, open the seals and mark the claims.
 
-Without a role all are played, the solver's in a process of its own that cannot read the seals; seal, solve, answer
-(shoot the shots that the solver asks for; then solve again) and grade are the roles apart. A round that was interrupted
-continues where it stopped. drive plays the whole chain in worlds of its own: recordings of the emulated robot (--shots
-trials each), discovery, adoption, gates, and their scores; gates is the solver's part of that. pack puts a marked round
-into one file, without its data; check makes the data of --worlds worlds again from the opened seals, compares every
-hash and mark, and, with --solve N, lets the solver repeat its claims about N of them.
+Without a role, all roles run, the solver in a process of its own that cannot read the seals. The single roles are seal,
+solve, answer (shoot the shots that the solver requests; then solve again) and grade. An interrupted round continues
+where it stopped. pack writes a marked round to one file without its data; check recreates the data of --worlds worlds
+from the opened seals, compares every hash and mark and, with --solve N, lets the solver repeat its claims about N of
+them.
 """
 
 import argparse
@@ -18,16 +17,13 @@ SUMMARY = "concealed worlds, sealed before and opened after"
 EXAMPLE = "truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy --out round/"
 DEFAULTS = {"worlds": 60, "level": "L1", "shots": 300, "engines": "numpy,mujoco", "solve": 0}
 DRAWN = ("--worlds", "--level", "--shots", "--engines", "--seed", "--seed-from-entropy")
-FANNED = ("--processes", "--scheduler")
 # The options that each role uses, besides --out and --quiet; all roles together without one.
 APPLY = {
-    None: (*DRAWN, *FANNED, "--follow-up", "--rivals"),
-    "seal": (*DRAWN, *FANNED, "--rivals", "--world", "--data"),
-    "solve": (*FANNED, "--rivals"),
-    "answer": FANNED,
-    "grade": (*FANNED, "--so-far"),
-    "drive": ("--worlds", "--shots", "--trials", "--seed", "--seed-from-entropy", "--processes"),
-    "gates": ("--processes",),
+    None: (*DRAWN, "--processes", "--follow-up", "--rivals"),
+    "seal": (*DRAWN, "--processes", "--rivals", "--world", "--data"),
+    "solve": ("--processes", "--rivals"),
+    "answer": ("--processes",),
+    "grade": ("--processes", "--so-far"),
     "pack": ("--packed",),
     "check": ("--packed", "--worlds", "--seed", "--solve", "--processes"),
 }
@@ -42,7 +38,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--worlds", type=int, metavar="N", help=f"number of worlds ({DEFAULTS['worlds']})")
     parser.add_argument("--level", help=f"L0, L1 or L2 ({DEFAULTS['level']})")
     parser.add_argument("--shots", type=int, metavar="N", help=f"shots of each world ({DEFAULTS['shots']})")
-    parser.add_argument("--trials", type=int, metavar="N", help="with drive: of each gate (as many as --shots)")
     parser.add_argument("--engines", help=f"comma-separated ({DEFAULTS['engines']})")
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--seed", type=int, help="that the worlds are drawn from; with check: the sample")
@@ -58,7 +53,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--solve", type=int, metavar="N", help="with check: solve this number of those worlds "
                         "again, by a process that has their data alone (0)")
     parser.add_argument("--processes", type=int, help="at a time (one a core)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on instead")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -1,17 +1,17 @@
 """Print the paper's Table I, Table II and Figures 8 to 10 on recordings of the emulated robot.
 
-The paper's own numbers stand beside them, with intervals, baselines and our gate. Recordings are kept, and a run that
-was broken off goes on.
+The paper's numbers are printed beside them, with intervals, baselines and truearc's gate. Recordings are kept, and an
+interrupted run continues.
 """
 
 import argparse
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from truearc.cli.common import SHIPPED, make_progress, origin_of
 from truearc.errors import InputError
-from truearc.sim.printed import Progress
 from truearc_proof.reproduce import QUICK_DRAWS, Settings, quick
 
 MARK = ".truearc-reproduce"           # a folder with this in it was made by us and may be gone on with
@@ -30,8 +30,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "there, but from too little data to conclude anything")
     parser.add_argument("--recordings", type=Path, metavar="DIR", help="recordings to use and to add to (default: "
                         "recordings/ in the output folder)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask cluster, tcp://host:port, whose workers "
-                        "see the recordings' folder (default: this machine's cores)")
     parser.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core)")
 
 
@@ -44,18 +42,15 @@ def main(args: argparse.Namespace) -> int:
     from truearc_proof.reproduce.collect import collect, make_record
     settings = _settings(args)
     folder = _own_folder(args.out)
-
-    def progress(what: str) -> Progress:
-        return make_progress(what, args.quiet)
-
+    progress = partial(make_progress, quiet=args.quiet)
     if not args.quiet:
         print(page.OURS_NOT_THEIRS, flush=True)
-    record = make_record(args.recordings or folder / "recordings", args.scheduler, args.workers, progress)
+    record = make_record(args.recordings or folder / "recordings", args.workers, progress)
     pool = collect(load_config(SHIPPED), settings, record, progress("fit what to launch"))
     shutil.rmtree(folder / "data", ignore_errors=True)    # it follows from the recordings
     for name, part in (("real", pool.real), ("launched", pool.launched)):
         save_dataset(folder / "data" / name, part)
-    repetitions = fan_out(models.run_repetition, models.tasks_of(pool, settings), args.scheduler,
+    repetitions = fan_out(models.run_repetition, models.tasks_of(pool, settings),
                           progress("fit and predict"), args.workers)
     answers = models.train_networks(repetitions, settings, progress("train networks"))
     analysis = models.analyse(repetitions, answers, settings)

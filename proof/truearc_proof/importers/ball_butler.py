@@ -1,6 +1,6 @@
-"""Throws of a ball-throwing robot, followed by motion capture (Jugglebot's Ball Butler) -> dataset.
+"""Importer of throws of a ball-throwing robot, tracked by motion capture (Jugglebot's Ball Butler).
 
-proof/IMPORTERS.md says what the columns are, where the files come from, and what is assumed.
+proof/IMPORTERS.md describes the columns, the origin of the files, and the assumptions.
 """
 
 import math
@@ -13,9 +13,8 @@ from msgspec import Struct
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Site, Tracker
-from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.data.table import Problems, gathered, load_table
+from truearc.sim.data.table import Problems, gathered, load_table, need_columns, number_column, text_column
 from truearc_proof.importers.originals import group_rows
 
 COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")

@@ -1,6 +1,6 @@
-"""Dropped balls: filmed from 47 m (de Silva et al. 2020), and timed (SEPIA's tutorial, lanl/SEPIA) -> datasets.
+"""Importers of dropped balls, filmed from 47 m (de Silva et al. 2020) or timed (SEPIA's tutorial, lanl/SEPIA).
 
-proof/IMPORTERS.md says what the columns are, where they come from, and what is assumed.
+proof/IMPORTERS.md describes the columns, their origin, and the assumptions.
 """
 
 import io
@@ -10,13 +10,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import openpyxl
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig
-from truearc.sim.data.columns import need_columns, number_column, parse_number, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Times
-from truearc.sim.data.table import Cell, Problems, RawTable, gathered, load_table, text_of
-from truearc_proof.importers.originals import group_rows, needed, part, tracks_of
+from truearc.sim.data.table import (
+    Cell,
+    Problems,
+    RawTable,
+    gathered,
+    load_table,
+    need_columns,
+    number_column,
+    parse_number,
+    text_column,
+    text_of,
+)
+from truearc_proof.importers.originals import group_rows, part, tracks_of
 
 COLUMNS = ("ball", "drop", "t_s", "height_m", "mass_kg", "diameter_m")
 BODY = ("mass_kg", "diameter_m")      # of a ball: the same in each of its rows, empty if not measured
@@ -68,20 +79,27 @@ def import_ball_drops(*files: str | Path) -> Dataset:
     InputError names file, line and column of each bad row.
 
     Frame: the fall is taken as vertical, x = y = 0, z up from the ground. `t_s` counts from each drop's first sample.
-    Each ball's own mass and radius are columns of the shots; rig.toml's ball is a typical one (`_typical`).
+    Each ball's own mass and radius are columns of the shots; rig.toml's ball is a typical one.
     """
     with gathered() as problems:
-        found = [drop for table in _tables(*map(Path, files), problems=problems) for drop in _drops(table, problems)]
+        drops, *balls = map(Path, files)
+        tables = load_sheets(drops, balls[0], problems) if balls else [load_table(drops, problems)]
+        found = [drop for table in tables for drop in _drops(table, problems)]
     kept = [drop for drop in found if len(drop.samples) >= SHORTEST]
     left_out = tuple(f"{drop.name}: fewer than {SHORTEST} samples" for drop in found if len(drop.samples) < SHORTEST)
     if not any(math.isfinite(drop.area_per_mass_m2_kg) for drop in kept):
         raise InputError(f"{files[0]}: no drop of {SHORTEST} samples has a ball of known mass_kg and diameter_m")
-    return Dataset("ball-drops", _rig(kept), _shots(kept), tracks_of([drop.track for drop in kept]), None, left_out)
-
-
-def _tables(drops: Path, balls: Path | None = None, *, problems: Problems) -> list[RawTable]:
-    """A workbook's sheets, where there is a list of balls beside it; else a table of all drops."""
-    return [load_table(drops, problems)] if balls is None else load_sheets(drops, balls, problems)
+    # rig.toml's ball: that of the median cross-section per mass (the lower of two), which the air slows as it does most
+    weighed = sorted((drop for drop in kept if math.isfinite(drop.area_per_mass_m2_kg)),
+                     key=lambda drop: drop.area_per_mass_m2_kg)
+    middle = weighed[(len(weighed) - 1) // 2]
+    rig = Rig(ball=Ball(middle.mass_kg, middle.radius_m), launcher=LauncherFacts(release_height_m=RELEASE_HEIGHT_M),
+              air=Air(1.2), noise=Noise(track_m=TRACK_NOISE_M), believe=Believe(("gravity", "drag")))
+    columns = {name: np.array([getattr(drop, name) for drop in kept])
+               for name in ("mass_kg", "radius_m", "area_per_mass_m2_kg")}
+    shots = Shots(tuple(drop.name for drop in kept), columns, {
+        "session": tuple(f"drop {drop.number}" for drop in kept), "ball_id": tuple(drop.ball for drop in kept)})
+    return Dataset("ball-drops", rig, shots, tracks_of([drop.track for drop in kept]), None, left_out)
 
 
 def _drops(table: RawTable, problems: Problems) -> list[_Drop]:
@@ -109,27 +127,6 @@ def _bodies(table: RawTable, ball: tuple[str, ...], problems: Problems) -> np.nd
     return body
 
 
-def _shots(drops: list[_Drop]) -> Shots:
-    columns = {name: np.array([getattr(drop, name) for drop in drops])
-               for name in ("mass_kg", "radius_m", "area_per_mass_m2_kg")}
-    return Shots(tuple(drop.name for drop in drops), columns,
-                 {"session": tuple(f"drop {drop.number}" for drop in drops),
-                  "ball_id": tuple(drop.ball for drop in drops)})
-
-
-def _typical(drops: list[_Drop]) -> Ball:
-    """The ball whose cross-section per mass is the median one (the lower of two): the air slows it as it does most."""
-    weighed = sorted((drop for drop in drops if math.isfinite(drop.area_per_mass_m2_kg)),
-                     key=lambda drop: drop.area_per_mass_m2_kg)
-    middle = weighed[(len(weighed) - 1) // 2]
-    return Ball(middle.mass_kg, middle.radius_m)
-
-
-def _rig(drops: list[_Drop]) -> Rig:
-    return Rig(ball=_typical(drops), launcher=LauncherFacts(release_height_m=RELEASE_HEIGHT_M), air=Air(1.2),
-                 noise=Noise(track_m=TRACK_NOISE_M), believe=Believe(("gravity", "drag")))
-
-
 def load_sheets(workbook: Path, balls: Path, problems: Problems) -> list[RawTable]:
     """A table a ball; lines are the sheet's rows, from 1. InputError names the file, sheet or line that is no such."""
     bodies = _listed_bodies(balls, problems)
@@ -140,7 +137,6 @@ def load_sheets(workbook: Path, balls: Path, problems: Problems) -> list[RawTabl
 
 def _opened(workbook: Path) -> Any:
     """The public file is named .xls and holds a workbook of the newer kind: its content decides, not its name."""
-    openpyxl = needed("openpyxl", workbook)
     try:
         return openpyxl.load_workbook(io.BytesIO(workbook.read_bytes()), data_only=True)
     except OSError as error:

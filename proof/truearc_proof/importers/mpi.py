@@ -1,25 +1,33 @@
-"""Flights of a three-wheel table-tennis launcher (ball_prediction, MPI for Intelligent Systems) -> dataset.
+"""Importer of flights of a three-wheel table-tennis launcher (ball_prediction, MPI for Intelligent Systems).
 
-proof/IMPORTERS.md says what the columns are, where the files come from, and what is assumed.
+proof/IMPORTERS.md describes the columns, the origin of the files, and the assumptions.
 
-An HDF5 recording has a group `originals`, and in it one a launch: its parameters, time stamps and positions. Recordings
-with a robot have other names for them, and an id a sample, below 0 where no ball was seen.
+An HDF5 recording has a group `originals` with one group per launch: its parameters, timestamps and positions.
+Recordings with a robot use other names for them, and have an id per sample, below 0 if no ball was seen.
 """
 
 import math
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Site, Tracker, Wheel
-from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.table import Cell, Problems, RawTable, gathered, load_table
-from truearc_proof.importers.originals import needed, part, tracks_of
+from truearc.sim.data.table import (
+    Cell,
+    Problems,
+    RawTable,
+    gathered,
+    load_table,
+    need_columns,
+    number_column,
+    text_column,
+)
+from truearc_proof.importers.originals import group_rows, part, tracks_of
 
 LAUNCH_COLUMNS = ("set", "launch", "phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm",
                   "motor_bottom_rpm", "n_samples")
@@ -49,14 +57,6 @@ NS = 1e-9
 LONGEST_STEP_S = 1e3                  # between two samples: the recorder's clock counts nanoseconds, its files seconds
 
 
-@dataclass(frozen=True)
-class _Launches:
-    shot_id: list[str]
-    session: list[str]
-    numbers: dict[str, np.ndarray]
-    samples: list[np.ndarray]         # of each launch [k, 4]: t_s x_m y_m z_m
-
-
 def import_mpi(*files: str | Path) -> Dataset:
     """Read two CSV files, launches and tracks, or any number of HDF5 recordings; flights end before the bounce.
 
@@ -65,18 +65,17 @@ def import_mpi(*files: str | Path) -> Dataset:
     """
     with gathered() as problems:
         read = [_launches(launches, tracks, problems) for launches, tracks in _tables(list(map(Path, files)), problems)]
-        shot_id = [name for some in read for name in some.shot_id]
+        shot_id = [name for ids, *_ in read for name in ids]
         for name in sorted({name for name in shot_id if shot_id.count(name) > 1}):
             problems.add(", ".join(map(str, files)), "", f"launch {name} stands twice")
-    numbers = {name: np.concatenate([some.numbers[name] for some in read]) for name in read[0].numbers}
-    cut = [_before_bounce(samples) for some in read for samples in some.samples]
+    _, sessions, columns, flights = zip(*read, strict=True)
+    numbers = {name: np.concatenate([some[name] for some in columns]) for name in columns[0]}
+    cut = [_before_bounce(samples) for some in flights for samples in some]
     kept = [row for row, samples in enumerate(cut) if len(samples) >= SHORTEST]
     left_out = tuple(f"{name}: fewer than {SHORTEST} samples before the bounce"
                      for row, name in enumerate(shot_id) if row not in kept)
-    session = tuple(name for some in read for name in some.session)
-    shots = Shots(tuple(shot_id), numbers, {"session": session}).take(kept)
-    cut = [cut[row] for row in kept]
-    return Dataset("mpi", RIG, shots, tracks_of(cut), None, left_out)
+    shots = Shots(tuple(shot_id), numbers, {"session": sum(sessions, ())}).take(kept)
+    return Dataset("mpi", RIG, shots, tracks_of([cut[row] for row in kept]), None, left_out)
 
 
 def _tables(files: list[Path], problems: Problems) -> list[tuple[RawTable, RawTable]]:
@@ -87,57 +86,36 @@ def _tables(files: list[Path], problems: Problems) -> list[tuple[RawTable, RawTa
     return [(load_table(launches, problems), load_table(tracks, problems))]
 
 
-def _launches(table: RawTable, tracks: RawTable, problems: Problems) -> _Launches:
+def _launches(table: RawTable, tracks: RawTable, problems: Problems
+              ) -> tuple[list[str], tuple[str, ...], dict[str, np.ndarray], list[np.ndarray]]:
+    """Of each launch its name, set-launch, which may stand once, its set, numbers, and samples [k, 4]: t_s x_m y_m z_m,
+    of which there must be as many as the launch says: a lost part of the tracks shows."""
     need_columns(table, LAUNCH_COLUMNS)
-    shot_id = _ids(table, problems)
-    numbers = _launch_numbers(table, problems)
-    samples = _flights(tracks, shot_id, problems)
-    _check_counts(table, shot_id, numbers.pop("n_samples"), samples, problems)
-    session = [str(cell) for cell in table.columns["set"]]
-    return _Launches(shot_id, session, numbers, [samples[name] for name in shot_id])
-
-
-def _launch_numbers(table: RawTable, problems: Problems) -> dict[str, np.ndarray]:
+    sets, names = text_column(table, "set", problems), text_column(table, "launch", problems)
+    ids = [f"{name}-{launch}" for name, launch in zip(sets, names, strict=True)]
+    for row, one in enumerate(ids):
+        if one in ids[:row]:
+            problems.add(table.place(row), "launch", f"set {sets[row]!r} has launch {names[row]} already")
     numbers = {name: number_column(table, name, problems) for name in ("phi_cmd", "theta_cmd", "n_samples")}
-    for wheel, _ in WHEELS:
-        numbers[f"wheel_{wheel}_rad_s"] = number_column(table, f"motor_{wheel}_rpm", problems) * RPM
-    return numbers
+    numbers |= {f"wheel_{wheel}_rad_s": number_column(table, f"motor_{wheel}_rpm", problems) * RPM
+                for wheel, _ in WHEELS}
+    samples = _flights(tracks, ids, problems)
+    for row, wanted in enumerate(numbers.pop("n_samples")):
+        if math.isfinite(wanted) and len(samples[row]) != wanted:
+            problems.add(table.place(row), "n_samples", f"is {wanted:g}, but the tracks have {len(samples[row])}")
+    return ids, sets, numbers, samples
 
 
-def _ids(table: RawTable, problems: Problems) -> list[str]:
-    """set-launch of each row; each may stand once."""
-    ids: list[str] = []
-    names = zip(text_column(table, "set", problems), text_column(table, "launch", problems), strict=True)
-    for row, (name, launch) in enumerate(names):
-        if f"{name}-{launch}" in ids:
-            problems.add(table.place(row), "launch", f"set {name!r} has launch {launch} already")
-        ids.append(f"{name}-{launch}")
-    return ids
-
-
-def _flights(table: RawTable, shot_id: list[str], problems: Problems) -> dict[str, np.ndarray]:
+def _flights(table: RawTable, ids: list[str], problems: Problems) -> list[np.ndarray]:
     """The samples of each launch, as they stand; times must grow within one."""
     need_columns(table, TRACK_COLUMNS)
     columns = np.stack([number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m")], axis=1)
-    rows_of: dict[str, list[int]] = {name: [] for name in shot_id}
-    for row, (name, launch) in enumerate(zip(table.columns["set"], table.columns["launch"], strict=True)):
-        if f"{name}-{launch}" not in rows_of:
+    keys = list(zip(table.columns["set"], table.columns["launch"], strict=True))
+    for row, (name, launch) in enumerate(keys):
+        if f"{name}-{launch}" not in ids:
             problems.add(table.place(row), "launch", f"set {name!r} launch {launch} is not among the launches")
-            continue
-        rows = rows_of[f"{name}-{launch}"]
-        if rows and columns[row, 0] <= columns[rows[-1], 0]:
-            problems.add(table.place(row), "t_s", "does not follow the sample before of the same launch")
-        rows.append(row)
-    return {name: columns[rows] for name, rows in rows_of.items()}
-
-
-def _check_counts(table: RawTable, shot_id: list[str], n_samples: np.ndarray, samples: dict[str, np.ndarray],
-                  problems: Problems) -> None:
-    """The launches say how many samples each flight has: a lost part of the tracks shows."""
-    for row, name in enumerate(shot_id):
-        found = len(samples[name])
-        if math.isfinite(n_samples[row]) and found != n_samples[row]:
-            problems.add(table.place(row), "n_samples", f"is {n_samples[row]:g}, but the tracks have {found}")
+    rows_of = group_rows([f"{name}-{launch}" for name, launch in keys], columns[:, 0], table, problems, "launch")
+    return [columns[rows_of.get(one, [])] for one in ids]
 
 
 def _before_bounce(samples: np.ndarray) -> np.ndarray:
@@ -167,7 +145,6 @@ def load_recording(path: Path, problems: Problems) -> list[tuple[RawTable, RawTa
 
     InputError where the file cannot be read or a group has not what it needs.
     """
-    h5py = needed("h5py", path)
     try:
         with h5py.File(path, "r") as file:
             originals = file.get("originals")

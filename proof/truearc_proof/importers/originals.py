@@ -1,28 +1,24 @@
-"""Reading public originals: numbers in program text, parts of a file, and packages that only some of them need."""
+"""Readers of public originals: numbers in program text, and parts of a file."""
 
-import importlib
 import json
 import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import TypeVar
 
 import numpy as np
 
 from truearc.errors import InputError
-from truearc.sim.data.columns import parse_number
 from truearc.sim.data.dataset import Tracks
-from truearc.sim.data.table import Cell, Problems, RawTable, text_of
+from truearc.sim.data.table import Cell, Problems, RawTable, parse_number, text_of
 
 Key = TypeVar("Key")
 INCH_M = 0.0254
 C_COMMENT = r"/\*.*?\*/|//[^\n]*"       # C++ and Java
-PYTHON_COMMENT = r"#[^\n]*"
 
 
-def matching(path: Path, pattern: str, comment: str = C_COMMENT, within: str = r".*") -> RawTable:
+def matching(path: Path, pattern: str, within: str = r".*") -> RawTable:
     """A row for each match of the pattern outside comments; its named groups are the columns.
 
     within: where the table is in the program text; the first match counts.
@@ -30,7 +26,7 @@ def matching(path: Path, pattern: str, comment: str = C_COMMENT, within: str = r
     Let the groups take whatever stands where a number should, so that what is none is named and not passed over.
     InputError where nothing matches.
     """
-    code = re.sub(comment, lambda found: "\n" * found[0].count("\n"), text_of(path), flags=re.DOTALL)
+    code = re.sub(C_COMMENT, lambda found: "\n" * found[0].count("\n"), text_of(path), flags=re.DOTALL)
     table = re.search(within, code, flags=re.DOTALL)
     matches = list(re.compile(pattern).finditer(code, *table.span())) if table else []
     if not matches:
@@ -91,11 +87,3 @@ def tracks_of(samples: Sequence[np.ndarray]) -> Tracks:
 def part(path: Path, name: str) -> Path:
     """How messages name a part of a file: a sheet, a group, one of its versions."""
     return Path(f"{path}, {name}")
-
-
-def needed(package: str, path: Path) -> ModuleType:
-    """A package that only this kind of file needs; InputError says what to install."""
-    try:
-        return importlib.import_module(package)
-    except ModuleNotFoundError as error:
-        raise InputError(f"{path}: reading it needs {package}: pip install ./proof") from error

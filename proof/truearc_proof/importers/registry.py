@@ -1,13 +1,13 @@
-"""Importers of particular public data sets, which this distribution registers with truearc.
+"""Registry of the importers of public data sets that this distribution adds to truearc.
 
-Their modules are imported when a file is read: `truearc import --help` lists them without.
+Their modules are imported only when a file is read, not for the list in `truearc import --help`.
 """
 
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from truearc.sim.data.importers.registry import Importer
+from truearc.sim.data.importers import Importer
 
 
 def _later(module: str, name: str) -> Callable[..., Any]:
@@ -26,6 +26,5 @@ FRC_254 = Importer("frc-254", ("Constants.java", "TABLES.csv"), _later("set_poin
 FRC_2910 = Importer("frc-2910", ("TargetWithShooterCommand.java", "TABLES.csv"), _later("set_points", "import_2910"))
 FRC_3476 = Importer("frc-3476", ("CLONE/", "shooterconfig.json", "HISTORY.csv"), _later("set_points", "import_3476"))
 FRC_971 = Importer("frc-971", ("constants.cc", "SPEEDS.csv"), _later("set_points", "import_971"))
-FUEL = Importer("fuel", ("shooter.py", "SPEEDS.csv"), _later("set_points", "import_fuel"))
 SEPIA_DROPS = Importer("sepia-drops", ("TIMES.dat HEIGHTS.height RADII.radii", "DROPS.txt"),
                        _later("ball_drops", "import_sepia_drops"))

@@ -1,6 +1,6 @@
-"""What FRC teams published: set points, each taken as a shot through the middle of the goal, and exit speeds.
+"""Importers of set points published by FRC teams, each taken as a shot through the middle of the goal, and exit speeds.
 
-proof/IMPORTERS.md says what the columns are, where they come from, and what is assumed of each robot.
+proof/IMPORTERS.md describes the columns, their origin, and the assumptions about each robot.
 """
 
 import math
@@ -8,17 +8,27 @@ import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
-from itertools import pairwise
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Target, Wheel
-from truearc.sim.data.columns import need_columns, number_column, parse_number, text_column
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.table import Cell, Problems, RawTable, gathered, load_table, text_of
-from truearc_proof.importers.originals import INCH_M, PYTHON_COMMENT, json_rows, matching, part, scaled
+from truearc.sim.data.table import (
+    Cell,
+    Problems,
+    RawTable,
+    gathered,
+    load_table,
+    need_columns,
+    number_column,
+    parse_number,
+    text_column,
+    text_of,
+)
+from truearc_proof.importers.originals import INCH_M, json_rows, matching, part, scaled
 
 NUMBER_254 = r"new InterpolatingDouble\((?P<{}>[^()]*)\)"
 HOOD_254 = (r"kLaser(?P<ball>Old|Medium|New)HoodMap\.put\(" + NUMBER_254.format("inches") + r",\s*"
@@ -143,16 +153,6 @@ ROBOT_254 = Robot("254", {"laser_old_ball": "old", "laser_medium_ball": "medium"
 ROBOT_2910 = Robot("2910", {"west_valley": "", "shooter_tuning": ""}, lambda raw: raw, load_2910)
 
 
-def import_254(tables: str | Path) -> Dataset:
-    """Team 254 (2020), tables for old, medium and new balls, CSV or their Constants.java; as import_set_points."""
-    return import_set_points(tables, ROBOT_254)
-
-
-def import_2910(tables: str | Path) -> Dataset:
-    """Team 2910 (2020), CSV or their TargetWithShooterCommand.java; as import_set_points."""
-    return import_set_points(tables, ROBOT_2910)
-
-
 def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
     """One shot a set point, in the file's order; `ball_quality` where the team says for which ball it was tuned.
 
@@ -177,6 +177,10 @@ def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
                    np.array([robot.elevation_deg(raw) for raw in hood]), {}, texts)
     left_out = tuple(f"{table.place(row)}: extrapolated by the team" for row in guessed)
     return Dataset(f"frc-{robot.team}", _rig(), shots, left_out=left_out)
+
+
+# their Constants.java and TargetWithShooterCommand.java, or CSV
+import_254, import_2910 = (partial(import_set_points, robot=robot) for robot in (ROBOT_254, ROBOT_2910))
 
 
 def import_3476(history: str | Path) -> Dataset:
@@ -248,11 +252,6 @@ SPEEDS_971 = ("ball_speed_mps", "accelerator_rad_s")
 TABLE_971 = r"flywheel_shot_interpolation_table\s*=[^;]*"
 ORIGINAL_971 = r"\{(?P<ball_speed_mps>[^{},]*),\s*\{(?P<accelerator_rad_s>[^{},]*),[^{},]*\}\s*\}"
 NO_ELEVATION_DEG = 45.0               # placeholder where none was noted: no speed and no spin depends on it
-COLUMNS_FUEL = ("hood_elevation_deg", "motor_rpm", "exit_speed_mps", "spin_rev_s", "ball_mass_kg", "ball_radius_m")
-RELEASE_FUEL_M = 0.39
-ARRAY_FUEL = r"(?m)^{}[ \t]*=[ \t]*np\.array\(\[(?P<cells>[^\[\]]*)\]\)"
-NUMBER_FUEL = r"(?m)^{}[ \t]*=(?P<cell>[^\n]*)$"
-SAME_FUEL = {"hood_elevation_deg": "angle_min", "ball_mass_kg": "m", "ball_radius_m": "R"}  # column -> its name there
 
 
 def import_971(speeds: str | Path) -> Dataset:
@@ -266,34 +265,11 @@ def import_971(speeds: str | Path) -> Dataset:
         need_columns(table, SPEEDS_971)
         speed_m_s, wheel_rad_s = (_positive(table, name, problems) for name in SPEEDS_971)
     wheels = tuple(Wheel(name, WHEEL_M, 1.0, clock_deg) for name, clock_deg in (("left", 270.0), ("right", 90.0)))
-    shots = Shots(_ids(table), {"hood_deg": np.full(len(speed_m_s), NO_ELEVATION_DEG), "wheel_left_rad_s": wheel_rad_s,
-                                "wheel_right_rad_s": wheel_rad_s, "exit_speed_m_s": speed_m_s}, {})
+    shots = Shots(tuple(f"{row:02d}" for row in range(1, len(speed_m_s) + 1)), {
+        "hood_deg": np.full(len(speed_m_s), NO_ELEVATION_DEG), "wheel_left_rad_s": wheel_rad_s,
+        "wheel_right_rad_s": wheel_rad_s, "exit_speed_m_s": speed_m_s}, {})
     return Dataset("frc-971", Rig(BALL, LauncherFacts(RELEASE_M, None, wheels), air=Air(1.2),
                                     believe=Believe(("gravity", "exit_efficiency"))), shots)
-
-
-def import_fuel(speeds: str | Path) -> Dataset:
-    """Exit speed and backspin off video at one elevation (DanielR723/shooter); the wheels' size is not known.
-
-    CSV or their shooter.py. InputError names file, line and column of each bad row.
-    """
-    with gathered() as problems:
-        table, left_out = load_fuel(Path(speeds), problems)
-        need_columns(table, COLUMNS_FUEL)
-        hood_deg, spin_rev_s = (number_column(table, name, problems) for name in ("hood_elevation_deg", "spin_rev_s"))
-        rpm, speed_m_s, mass_kg, radius_m = (
-            _positive(table, name, problems)
-            for name in ("motor_rpm", "exit_speed_mps", "ball_mass_kg", "ball_radius_m"))
-    # their spin is about the other axis: negative lifts the ball
-    shots = Shots(_ids(table), {"hood_deg": hood_deg, "motor_rpm": rpm, "exit_speed_m_s": speed_m_s,
-                                "exit_spin_rev_s": -spin_rev_s, "mass_kg": mass_kg, "radius_m": radius_m}, {})
-    ball = Ball(float(mass_kg[0]), float(radius_m[0])) if len(rpm) else BALL
-    return Dataset("fuel", Rig(ball, LauncherFacts(RELEASE_FUEL_M), air=Air(1.2), believe=Believe()), shots,
-                   left_out=left_out)
-
-
-def _ids(table: RawTable) -> tuple[str, ...]:
-    return tuple(f"{row + 1:02d}" for row in range(len(table.lines)))
 
 
 def _positive(table: RawTable, name: str, problems: Problems) -> np.ndarray:
@@ -302,53 +278,3 @@ def _positive(table: RawTable, name: str, problems: Problems) -> np.ndarray:
         if math.isfinite(value) and value <= 0.0:
             problems.add(table.place(row), name, f"{value:g} must be above 0")
     return values
-
-
-def load_fuel(path: Path, problems: Problems) -> tuple[RawTable, tuple[str, ...]]:
-    """`shooter.py`, read as text and never run, or a table in CSV; and what was left out.
-
-    Spin is in rad/s, as their equations use it. Where motor speeds start again, the elevation is not stated.
-    """
-    if path.suffix != ".py":
-        return load_table(path, problems), ()
-    rpm, speed, spin = (_array(path, name) for name in ("test_rpm", "test_speed", "test_spin"))
-    if not len(rpm) == len(speed) == len(spin):
-        raise InputError(f"{path}: test_rpm, test_speed and test_spin have {len(rpm)}, {len(speed)} and {len(spin)} "
-                       "numbers, and should have as many")
-    first = _first_run(rpm)
-    columns: dict[str, list[Cell]] = {name: [_number(path, there)] * first for name, there in SAME_FUEL.items()}
-    columns |= {"motor_rpm": rpm[:first], "exit_speed_mps": speed[:first],
-                "spin_rev_s": scaled(spin, 0.5 / math.pi)[:first]}
-    line = _once(path, ARRAY_FUEL.format("test_rpm")).lines[0]
-    more = len(rpm) - first
-    left_out = f"{path}:{line}: {more} more, where motor speeds start again: at another elevation, which is not stated"
-    return RawTable(path, columns, [line] * first), (left_out,) if more else ()
-
-
-def _once(path: Path, pattern: str) -> RawTable:
-    found = matching(path, pattern, PYTHON_COMMENT)
-    if len(found.lines) > 1:
-        raise InputError(f"{path}:{found.lines[1]}: stands in line {found.lines[0]} already; which of them holds?")
-    return found
-
-
-def _number(path: Path, name: str) -> float:
-    found = _once(path, NUMBER_FUEL.format(name))
-    (cell,), (line,) = found.columns["cell"], found.lines
-    number = parse_number(cell)
-    if number is None or not math.isfinite(number):
-        raise InputError(f"{path}:{line}: {name}: {cell!r} is not a finite number")
-    return number
-
-
-def _array(path: Path, name: str) -> list[Cell]:
-    cells = _once(path, ARRAY_FUEL.format(name)).columns["cells"][0]
-    return [cell.strip() or None for cell in str(cells or "").rstrip(",").split(",")]
-
-
-def _first_run(rpm: list[Cell]) -> int:
-    """How many there are before a speed that is not above the one before."""
-    speeds = [parse_number(cell) for cell in rpm]
-    falls = [k for k, (before, here) in enumerate(pairwise(speeds), start=1)
-             if before is not None and here is not None and here <= before]
-    return falls[0] if falls else len(rpm)

@@ -1,4 +1,4 @@
-"""The paper's tables and figures on recordings of the emulated robot: how much is recorded, drawn and trained."""
+"""Reproduction of the paper's tables and figures on recordings of the emulated robot, and its amounts of data."""
 
 from dataclasses import dataclass
 

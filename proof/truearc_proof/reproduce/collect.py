@@ -1,11 +1,11 @@
-"""The recordings: practice, aimed configurations, simulated ones launched; and what each repetition draws from them.
+"""Recordings for a reproduction (practice, aimed and simulated configurations), and the draws of each repetition.
 
-Every session follows from the settings and from the sessions before it, so a collection that was broken off goes on
-where it stopped.
+Every session follows from the settings and the earlier sessions, so an interrupted collection continues where it
+stopped.
 
-The crew aims for hits, near misses and misses in similar numbers, learnt from their own marks. Speeds are vacuum
-ballistics' times a correction, a quadratic in distance and elevation fitted to the marks. No drag, lift or wheel slip
-is supposed, so the choice of configurations favours no simulator.
+The crew aims for hits, near misses and misses in similar numbers and learns from its own marks. Speeds are those of
+vacuum ballistics times a correction, a quadratic in distance and elevation fitted to the marks. No drag, lift or wheel
+slip is assumed, so the choice of configurations favours no simulator.
 """
 
 import json
@@ -24,13 +24,13 @@ from sklearn.linear_model import LogisticRegression
 
 from truearc.errors import InputError
 from truearc.robot.aim import FEASIBLE_DEG, vacuum_speed_m_s
-from truearc.robot.config.overrides import with_plan
+from truearc.robot.aim_file import with_plan
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Collect, Config, Prescribed, is_hash_of
 from truearc.robot.recording.session import CAN, FRAMES, load_header
-from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.recordings import label_by_repeatability, shots_from_sessions
+from truearc.sim.data.table import OUTCOMES
 from truearc.sim.paper.grid_fit import fit_grid
 from truearc.sim.paper.synthetic import AXES, SHAPE, grid_shots, label_grid, sample_balanced, taken_configurations
 from truearc.sim.physics.simulate import exit_opposed, is_opposed
@@ -58,14 +58,10 @@ MARKED_SHARE = 0.8                    # of a configuration's shots must be marke
 LAUNCHABLE = {"distance_m": (2.0, 9.2), "motor_ratio": RATIOS, "hood_deg": (15.0, 75.0)}
 
 
-class Aiming(NamedTuple):
-    """log(wheels' speed / vacuum's speed to the centre) that hits the centre = `terms` . levers."""
+def learn_aiming(rig: Rig, shots: Shots) -> np.ndarray | None:
+    """log(wheels' speed / vacuum's speed to the centre) that hits the centre, as terms [6] times levers.
 
-    terms: np.ndarray
-
-
-def learn_aiming(rig: Rig, shots: Shots) -> Aiming | None:
-    """From marked shots (`side`, `outcome`), by maximum likelihood; None while all misses are on one side.
+    From marked shots (`side`, `outcome`), by maximum likelihood; None while all misses are on one side.
 
     A shot passes gain x (log speed - terms . levers) above the centre, with a scatter that is fitted too; a mark says
     between which bounds. Some of what is high enough for the three passes beside it: that share is fitted as well.
@@ -84,7 +80,8 @@ def learn_aiming(rig: Rig, shots: Shots) -> Aiming | None:
     start = np.concatenate([first, [np.log(0.01), np.log(0.05), 1.0]])
     data = (log_speed[keep], levers[keep], gain_m[keep], cells[keep],
             rig.target.three_half_height_m, rig.target.two_half_height_m)
-    return Aiming(minimize(_surprise, start, args=data, method="BFGS").x[:levers.shape[1]])
+    terms: np.ndarray = minimize(_surprise, start, args=data, method="BFGS").x[:levers.shape[1]]
+    return terms
 
 
 def _surprise(theta: np.ndarray, log_speed: np.ndarray, levers: np.ndarray, gain_m: np.ndarray, cells: np.ndarray,
@@ -117,7 +114,7 @@ def intentions(lacking: Mapping[str, int]) -> dict[str, float]:
     return {outcome: count / total if total else 1.0 / len(tries) for outcome, count in tries.items()}
 
 
-def propose(rig: Rig, collect: Collect, aiming: Aiming, shares: Mapping[str, float], count: int,
+def propose(rig: Rig, collect: Collect, aiming: np.ndarray, shares: Mapping[str, float], count: int,
             rng: np.random.Generator) -> list[Prescribed]:
     """`count` configurations this launcher can be set to, `shares` of them meant for each outcome.
 
@@ -131,7 +128,7 @@ def propose(rig: Rig, collect: Collect, aiming: Aiming, shares: Mapping[str, flo
     return sorted(rows, key=lambda row: row.distance_m)
 
 
-def _propose_one(rig: Rig, collect: Collect, aiming: Aiming, shares: Mapping[str, float],
+def _propose_one(rig: Rig, collect: Collect, aiming: np.ndarray, shares: Mapping[str, float],
                  rng: np.random.Generator) -> Prescribed | None:
     assert rig.target is not None
     rise_m = rig.target.centre_height_m - rig.launcher.release_height_m
@@ -141,7 +138,7 @@ def _propose_one(rig: Rig, collect: Collect, aiming: Aiming, shares: Mapping[str
     outcome = rng.choice(list(INTENDED_M), p=[shares[name] for name in INTENDED_M])
     beside_m = float(rng.choice([-1.0, 1.0]) * rng.uniform(*INTENDED_M[str(outcome)]))
     place = np.array([distance_m]), np.array([hood_deg])
-    log_speed = float(aiming.terms @ _levers(*place)[0] + beside_m / _gain_m(rig, *place)[0])
+    log_speed = float(aiming @ _levers(*place)[0] + beside_m / _gain_m(rig, *place)[0])
     speed_m_s = vacuum_speed_m_s(distance_m, rise_m, hood_deg, rig.world.gravity_m_s2)
     assert speed_m_s is not None      # FEASIBLE_DEG above the line of sight
     ratio = speed_m_s * math.exp(log_speed) / float(exit_seed(rig, 1.0, 0.0).speed_m_s)
@@ -237,7 +234,7 @@ def labels(sessions: Sequence[Path], name: str, settings: Settings) -> Dataset:
     return label_by_repeatability(shots, math.ceil(MARKED_SHARE * settings.repeats))
 
 
-def _aiming(rig: Rig, sessions: Sequence[Path]) -> Aiming:
+def _aiming(rig: Rig, sessions: Sequence[Path]) -> np.ndarray:
     aiming = learn_aiming(rig, shots_from_sessions(sessions, "practice", telemetry=False).shots)
     if aiming is None:
         raise InputError("the practice sessions have misses on one side of the target only, which do not determine "
@@ -249,7 +246,7 @@ def _said(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
 
 
-def _aimed(config: Config, settings: Settings, aiming: Aiming, shares: Mapping[str, float], round_number: int,
+def _aimed(config: Config, settings: Settings, aiming: np.ndarray, shares: Mapping[str, float], round_number: int,
            number: int) -> Recording:
     seed = _seed(settings, 1 + round_number, number)
     rows = propose(config.rig, config.collect, aiming, shares, settings.session_rows,
@@ -380,41 +377,31 @@ def exit_seed(rig: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
 DONE = "recording.json"               # written last: a folder without it is incomplete and is recorded again
 
 
-class _Job(NamedTuple):
-    folder: Path
-    recording: Recording
-
-
-def make_record(folder: Path, scheduler: str | None, workers: int | None,
+def make_record(folder: Path, workers: int | None,
                 make_progress: Callable[[str], Progress]) -> Record:
     """Return a function that records sessions in `folder`, unless they are there already, and returns their folders.
 
     The folders are in the order of the sessions. The function raises InputError when a session was recorded with other
-    settings, or when a cluster's workers write to another disk.
+    settings.
     """
     def record(recordings: Sequence[Recording], what: str) -> list[Path]:
-        # a worker elsewhere has another working directory
-        jobs = [_Job(folder.resolve() / recording.name, recording) for recording in recordings]
-        missing = [job for job in jobs if not _is_there(job)]
+        jobs = [(folder.resolve() / recording.name, recording) for recording in recordings]
+        missing = [job for job in jobs if not _is_there(*job)]
         if missing:
             folder.mkdir(parents=True, exist_ok=True)
-            fan_out(_record, missing, scheduler, make_progress(f"record {what}"), workers)
-        for job in missing:
-            if not _is_there(job):
-                raise InputError(f"{job.folder}: not here after it was recorded: the cluster's workers need this "
-                                 f"folder")
-        return [job.folder for job in jobs]
+            fan_out(_record, missing, make_progress(f"record {what}"), workers)
+        return [place for place, _ in jobs]
 
     return record
 
 
-def _is_there(job: _Job) -> bool:
-    path = job.folder / DONE
+def _is_there(folder: Path, recording: Recording) -> bool:
+    path = folder / DONE
     if not path.is_file():
         return False
     said = json.loads(path.read_text(encoding="utf-8"))
-    if said != _stated(job.recording) or not is_hash_of(load_header(job.folder).config_sha256, job.recording.config):
-        raise InputError(f"{job.folder}: recorded with other settings; name another folder or take this one away")
+    if said != _stated(recording) or not is_hash_of(load_header(folder).config_sha256, recording.config):
+        raise InputError(f"{folder}: recorded with other settings; name another folder or take this one away")
     return True
 
 
@@ -422,11 +409,12 @@ def _stated(recording: Recording) -> dict[str, int]:
     return {"seed": recording.seed, "trials": recording.trials}
 
 
-def _record(job: _Job) -> str:
+def _record(job: tuple[Path, Recording]) -> str:
     """Images and raw frames, nine tenths of a session, are not kept: every tick and mark is."""
-    shutil.rmtree(job.folder, ignore_errors=True)
-    emulate(job.recording.config, job.folder, job.recording.trials, job.recording.seed)
-    shutil.rmtree(job.folder / FRAMES)
-    (job.folder / CAN).unlink()
-    (job.folder / DONE).write_text(json.dumps(_stated(job.recording)) + "\n", encoding="utf-8")
-    return str(job.folder)
+    folder, recording = job
+    shutil.rmtree(folder, ignore_errors=True)
+    emulate(recording.config, folder, recording.trials, recording.seed)
+    shutil.rmtree(folder / FRAMES)
+    (folder / CAN).unlink()
+    (folder / DONE).write_text(json.dumps(_stated(recording)) + "\n", encoding="utf-8")
+    return str(folder)

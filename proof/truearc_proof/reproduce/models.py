@@ -1,12 +1,13 @@
-"""Repetitions and their figures: the paper's simulator fitted to a draw, baselines, our gate, and the paper's networks.
+"""The models of a repetition: the paper's simulator fitted to a draw, baselines, truearc's gate, the paper's networks.
 
-Baselines predict from the recorded configurations alone, each tuned by cross-validation. All classify into miss, two
-and three and answer in the gate's terms: p_two = P(two or three), p_three = P(three).
+Baselines predict from the recorded configurations alone, each tuned by cross-validation. Every model classifies shots
+as miss, two or three and returns the gate's probabilities: p_two = P(two or three), p_three = P(three).
 """
 
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -93,8 +94,8 @@ def run_repetition(task: Task) -> Repetition:
     asked = _rows(test, transfer)
     all_train = _rows(train)
     seed = settings.base_seed + task.number
-    predictions = {SIMULATOR: _labels(np.concatenate([_outcomes(rig, fit.coefficients, shots)
-                                                      for shots in (test, transfer)]))}
+    said = [classify(rig, predict(rig, fit.coefficients, shots).height_m) for shots in (test, transfer)]
+    predictions = {SIMULATOR: np.array([LABELS[outcome] for outcome in np.concatenate(said)], float)}
     predictions |= {name: fitted(asked.features) for name, fitted in fit_baselines(all_train, seed).items()}
     predictions |= our_predictions(rig, train, asked, seed)
     height_m = predict(rig, fit.coefficients, test).height_m
@@ -124,14 +125,6 @@ def our_predictions(rig: Rig, train: Shots, asked: Rows, seed: int) -> dict[str,
     split = Dataset("training split", rig, train)
     belief = fit_map(split, OUR_TERMS).belief
     return {OURS: train_physics_gate(rig, belief, train, seed, "training split")[0].probabilities(asked.features)}
-
-
-def _outcomes(rig: Rig, coefficients: dict[str, dict[str, float]], shots: Shots) -> np.ndarray:
-    return classify(rig, predict(rig, coefficients, shots).height_m)
-
-
-def _labels(outcomes: np.ndarray) -> np.ndarray:
-    return np.array([LABELS[outcome] for outcome in outcomes], float)
 
 
 def _rows(*shots: Shots) -> Rows:
@@ -264,24 +257,16 @@ def measure(p: np.ndarray, labels: np.ndarray) -> Metrics:
     """
     said, was = p >= CUT, labels >= 0.5
     three, two = (_of_class(said, was, outcome) for outcome in ("three", "two"))
-    return Metrics(figures.accuracy(p, was), three[0], two[0], three[1], two[1],
-                   float(np.mean((p - labels)**2)) if len(p) else float("nan"), calibration_error(p, labels))
+    brier, ece = ((float(np.mean((p - labels)**2)), figures.calibration_error(p.ravel(), labels.ravel())) if len(p)
+                  else (float("nan"), float("nan")))
+    return Metrics(figures.accuracy(p, was), three[0], two[0], three[1], two[1], brier, ece)
 
 
 def _of_class(said: np.ndarray, was: np.ndarray, outcome: str) -> tuple[float, float]:
     """(share of that outcome called so, F1); F1 is 0 where it is never called rightly, NaN where there is none."""
     called = (said == np.array(CLASSES[outcome])).all(axis=1)
     there = (was == np.array(CLASSES[outcome])).all(axis=1)
-    return _share(called[there]), figures.f1(called, there)
-
-
-def calibration_error(p: np.ndarray, labels: np.ndarray) -> float:
-    """Expected calibration error of truearc.sim.statistics, both outputs together; NaN of nothing."""
-    return figures.calibration_error(p.ravel(), labels.ravel()) if len(p) else float("nan")
-
-
-def _share(right: np.ndarray) -> float:
-    return float(np.mean(right)) if right.size else float("nan")
+    return float(np.mean(called[there])) if there.any() else float("nan"), figures.f1(called, there)
 
 
 class Interval(NamedTuple):
@@ -388,17 +373,18 @@ def _figures(one: Repetition, model: str, setting: SweepSetting | None, p: np.nd
 
 
 def _differences(analysis: Analysis, settings: list[SweepSetting]) -> list[Difference]:
-    found = []
     if OURS not in analysis.models():
         return []
-    for where in WHERE:
-        for metric in COMPARED:
-            best = best_by_test(analysis, settings, where, metric)
-            for other in analysis.models():
-                if other != OURS:
-                    found.append(_difference(analysis, where, metric, other, other, ""))
-            found.append(_difference(analysis, where, metric, network_name(best), BY_TEST,
-                                     f"{best.size} simulated, lambda {best.weight:g}"))
+    found = []
+    for where, metric in product(WHERE, COMPARED):
+        best = best_by_test(analysis, settings, where, metric)
+        others = [(other, other, "") for other in analysis.models() if other != OURS]
+        for model, other, setting in (*others, (network_name(best), BY_TEST,
+                                                f"{best.size} simulated, lambda {best.weight:g}")):
+            ours, theirs = analysis.values(OURS, where, metric), analysis.values(model, where, metric)
+            gap = interval(ours - theirs)
+            better = max(gap.high, gap.boot_high) < 0.0 if metric in LOW_IS_GOOD else min(gap.low, gap.boot_low) > 0.0
+            found.append(Difference(where, metric, other, setting, _mean(ours), _mean(theirs), gap, better))
     return found
 
 
@@ -413,10 +399,3 @@ def _mean(values: np.ndarray) -> float:
     """Over the repetitions that have a value; NaN when none has."""
     kept = values[~np.isnan(values)]
     return float(kept.mean()) if len(kept) else float("nan")
-
-
-def _difference(analysis: Analysis, where: str, metric: str, model: str, other: str, setting: str) -> Difference:
-    ours, theirs = analysis.values(OURS, where, metric), analysis.values(model, where, metric)
-    gap = interval(ours - theirs)
-    better = max(gap.high, gap.boot_high) < 0.0 if metric in LOW_IS_GOOD else min(gap.low, gap.boot_low) > 0.0
-    return Difference(where, metric, other, setting, _mean(ours), _mean(theirs), gap, better)

@@ -1,18 +1,18 @@
-"""The page of a reproduction: the paper's tables and figures with ours beside them; and both as JSON and CSV."""
+"""The page of a reproduction: the paper's tables and figures beside the reproduced ones, also as JSON and CSV."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.files import hash_dataset
+from truearc.sim.data.table import OUTCOMES
 from truearc.sim.paper.sweep import SweepSetting
 from truearc.sim.printed import save_csv
 from truearc.sim.report import COLOURS, NO_ORIGIN, Origin, make_page, make_png, new_figure, paragraph, picture, table
@@ -68,8 +68,9 @@ def table_one(repetitions: Sequence[Repetition]) -> Table:
                                      ("mean_m", "mean deviation", False), ("median_m", "median deviation", False)):
             values = np.array([getattr(one.scores[part], name) for one in repetitions])
             reached = np.where(np.isfinite(values), values, np.nan)
-            show = _percent if percent else _metres
-            rows.append((part, words, show(printed[name]), show(interval(reached)), str(int(np.isinf(values).sum()))))
+            found = interval(reached)
+            rows.append((part, words, format(printed[name], ".2%" if percent else ".3f"),
+                         _share(found) if percent else _told(found, ".3f", " m"), str(int(np.isinf(values).sum()))))
     return Table("Table I: the simulator with the chosen coefficients", ("split", "measure", "paper", "here (95 %)",
                  "repetitions with a shot that never reaches the plane"), tuple(rows),
                  "Accuracies as the paper's arithmetic has them: of the configurations that scored three, those flown "
@@ -95,7 +96,7 @@ def table_two(analysis: Analysis, settings: Settings) -> Table:
         printed = TABLE_II.get(size)
         cells = [str(size)]
         for place, metric in enumerate(("accuracy", "class_three", "class_two")):
-            cells += [_percent(printed[place]) if printed else "-", _over(analysis, name, EVERYTHING, metric)]
+            cells += [f"{printed[place]:.2%}" if printed else "-", _over(analysis, name, EVERYTHING, metric)]
         cells += [_over(analysis, name, EVERYTHING, metric) for metric in ("f1_three", "f1_two")]
         rows.append(tuple(cells))
     return Table("Table II: the network by the amount of simulated data", (
@@ -144,10 +145,11 @@ def in_short(tables: Sequence[Table]) -> list[Table]:
 def differences_table(analysis: Analysis) -> Table:
     rows = []
     for found in analysis.differences:
-        show = _points if found.metric not in figures.LOW_IS_GOOD else _figure
+        told = (_twice(found.difference, "+.4f") if found.metric in figures.LOW_IS_GOOD
+                else _twice(found.difference, "+.1f", " points", 100.0))
         setting = f" ({found.setting})" if found.setting else ""
         rows.append((found.where, NAMES[found.metric], found.other + setting, f"{found.ours:.3f}",
-                     f"{found.theirs:.3f}", show(found.difference), "yes" if found.better else "no"))
+                     f"{found.theirs:.3f}", told, "yes" if found.better else "no"))
     return Table(DIFFERENCES, ("rows", "measure", "against", "ours", "theirs",
                  "ours - theirs (95 %, t; bootstrap)", "better"), tuple(rows),
                  f"Paired by repetition. \"{figures.BY_TEST}\" is the one setting that does best on the very rows it "
@@ -157,31 +159,20 @@ def differences_table(analysis: Analysis) -> Table:
 
 def _over(analysis: Analysis, model: str, where: str, metric: str) -> str:
     found = interval(analysis.values(model, where, metric))
-    return _figure(found, short=True) if metric in figures.LOW_IS_GOOD else _percent(found)
+    return _told(found, ".3f") if metric in figures.LOW_IS_GOOD else _share(found)
 
 
-def _percent(value: float | Interval) -> str:
-    if isinstance(value, Interval):
-        return f"{value.mean:.1%} ({max(value.low, 0.0):.1%} to {min(value.high, 1.0):.1%})"
-    return f"{value:.2%}"
+def _share(found: Interval) -> str:
+    return _told(found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0)), ".1%")
 
 
-def _metres(value: float | Interval) -> str:
-    if isinstance(value, Interval):
-        return f"{value.mean:.3f} m ({value.low:.3f} to {value.high:.3f})"
-    return f"{value:.3f}"
+def _told(found: Interval, form: str, unit: str = "") -> str:
+    return f"{found.mean:{form}}{unit} ({found.low:{form}} to {found.high:{form}})"
 
 
-def _points(value: Interval) -> str:
-    return (f"{100 * value.mean:+.1f} points ({100 * value.low:+.1f} to {100 * value.high:+.1f}; "
-            f"{100 * value.boot_low:+.1f} to {100 * value.boot_high:+.1f})")
-
-
-def _figure(value: Interval, short: bool = False) -> str:
-    if short:
-        return f"{value.mean:.3f} ({value.low:.3f} to {value.high:.3f})"
-    return (f"{value.mean:+.4f} ({value.low:+.4f} to {value.high:+.4f}; "
-            f"{value.boot_low:+.4f} to {value.boot_high:+.4f})")
+def _twice(found: Interval, form: str, unit: str = "", factor: float = 1.0) -> str:
+    mean, *ends = (format(factor * one, form) for one in found[:5])
+    return "{}{} ({} to {}; {} to {})".format(mean, unit, *ends)
 
 
 def draw_deviations(repetitions: Sequence[Repetition], three_m: float, two_m: float) -> Figure:
@@ -215,7 +206,7 @@ def draw_sizes(analysis: Analysis, settings: Settings) -> Figure:
                                                      "accuracy") for size in settings.sizes], colour, f"here: {where}")
     axes.plot(list(TABLE_II), [100 * row[0] for row in TABLE_II.values()], "o--", color=RED,
               label="paper: Table II, overall")
-    _level(axes, analysis, OURS, EVERYTHING, "our gate, both sets")
+    _level(axes, analysis)
     axes.set(xlabel="simulated configurations (D_s)", ylabel="accuracy, %", ylim=(0.0, 102.0))
     axes.legend(frameon=False, loc="lower right", ncols=2)
     return _bare(figure, axes)
@@ -249,7 +240,7 @@ def draw_weights(analysis: Analysis, settings: Settings) -> Figure:
     star = analysis.values(network_name(SweepSetting(settings.best_size, BEST_WEIGHT)), EVERYTHING, "accuracy")
     if len(star):
         axes.plot(BEST_WEIGHT, 100 * star.mean(), "*", markersize=16, color=RED, label="the paper's lambda")
-    _level(axes, analysis, OURS, EVERYTHING, "our gate, both sets")
+    _level(axes, analysis)
     axes.set(xscale="log", xlabel="lambda", ylabel="accuracy, %")
     axes.legend(frameon=False, ncols=2)
     return _bare(figure, axes)
@@ -277,10 +268,10 @@ def _band(axes: Axes, x: Sequence[float], columns: list[np.ndarray], colour: str
     axes.fill_between(x, [one.low for one in found], [one.high for one in found], color=colour, alpha=0.2, linewidth=0)
 
 
-def _level(axes: Axes, analysis: Analysis, model: str, where: str, label: str) -> None:
-    values = analysis.values(model, where, "accuracy")
+def _level(axes: Axes, analysis: Analysis) -> None:
+    values = analysis.values(OURS, EVERYTHING, "accuracy")
     if len(values):
-        axes.axhline(100 * values.mean(), color="#1a1c20", linestyle=":", label=label)
+        axes.axhline(100 * values.mean(), color="#1a1c20", linestyle=":", label="our gate, both sets")
 
 
 def _bare(figure: Figure, axes: Axes) -> Figure:
@@ -290,7 +281,8 @@ def _bare(figure: Figure, axes: Axes) -> Figure:
 
 def what_varies(pool: Pool, settings: Settings) -> list[str]:
     """Return sentences that say what an interval over repetitions covers here."""
-    real, launched = (_counts(part.shots.text("outcome")) for part in (pool.real, pool.launched))
+    real, launched = (", ".join(f"{count} {outcome}" for outcome, count in _counted(part.shots.text("outcome")).items())
+                      for part in (pool.real, pool.launched))
     return [
         f"Recorded once, shared by all {settings.draws} repetitions: {len(pool.real.shots)} legitimate configurations "
         f"chosen by the crew ({real}), each shot {settings.repeats} times and labelled by the rule of section IV-A, "
@@ -364,8 +356,8 @@ def save_figures(folder: Path, pool: Pool, repetitions: Sequence[Repetition], an
     splits = [[one.number, part, *map(_cell, found)] for one in repetitions for part, found in one.scores.items()]
     names = repetitions[0].scores["Training"]._fields
     save_csv(folder / "table_1.csv", ["repetition", "split", *names], splits)
-    text = json.dumps(_summary(pool, repetitions, analysis, tables, settings), indent=1, allow_nan=False)
-    (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+    text = msgspec.json.encode(_summary(pool, repetitions, analysis, tables, settings), enc_hook=float)
+    (folder / "summary.json").write_bytes(msgspec.json.format(text, indent=1) + b"\n")
 
 
 def _summary(pool: Pool, repetitions: Sequence[Repetition], analysis: Analysis, tables: Sequence[Table],
@@ -376,9 +368,9 @@ def _summary(pool: Pool, repetitions: Sequence[Repetition], analysis: Analysis, 
                  "launched": _counted(pool.launched.shots.text("outcome")),
                  "left_out": [*pool.real.left_out, *pool.launched.left_out]},
         "repetitions": [{"number": one.number, "coefficients": one.coefficients, "tied": one.tied,
-                         "deviation_m": [_finite(value) for value in one.deviation_m], "outcome": list(one.outcome)}
+                         "deviation_m": one.deviation_m.tolist(), "outcome": one.outcome}
                         for one in repetitions],
-        "differences": [_plain(found._asdict()) for found in analysis.differences],
+        "differences": [{**one._asdict(), "difference": one.difference._asdict()} for one in analysis.differences],
         "tables": [one._asdict() for one in tables],
     }
 
@@ -393,24 +385,8 @@ def _reliabilities(repetitions: Sequence[Repetition], answers: Sequence[dict[Swe
     return shown
 
 
-def _counts(outcomes: Sequence[str]) -> str:
-    return ", ".join(f"{count} {outcome}" for outcome, count in _counted(outcomes).items())
-
-
 def _counted(outcomes: Sequence[str]) -> dict[str, int]:
     return {outcome: list(outcomes).count(outcome) for outcome in OUTCOMES}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
-    if isinstance(value, Interval):
-        return _plain(value._asdict())
-    return _finite(value) if isinstance(value, float) else value
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def _cell(value: float) -> str:

@@ -1,11 +1,10 @@
-"""What others would say of the same worlds, by the names on the command line.
+"""Rival methods on the same worlds, by their names on the command line.
 
-A rival's module is imported when it is asked for.
+A rival's module is imported when the rival is requested.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, cast
 
 from truearc.errors import InputError
@@ -17,23 +16,19 @@ OURS = "truearc"
 ANSWERS = {"pysindy-ensemble": "sindy:answer_ensemble", "pysindy-weak": "sindy:answer_weak",
            "odr-bindy": "odr_bindy:answer", "gp": "residual:answer_gp", "boosted": "residual:answer_boosted",
            "argmax": "claim:answer_argmax"}
-NEEDS = {"pysindy-ensemble": "pysindy", "pysindy-weak": "pysindy", "gp": "sklearn", "boosted": "sklearn"}
 RIVALS = tuple(ANSWERS)
 
 
-def find_rival(name: str, find: Callable[[str], object] = find_spec) -> "Rival":
-    """The rival of that name; InputError when there is none, or when the package it needs is not installed."""
+def find_rival(name: str) -> "Rival":
+    """The rival of that name; InputError when there is none."""
     if name not in ANSWERS:
         raise InputError(f"there is no rival {name!r}; there are {', '.join(RIVALS)}")
-    package = NEEDS.get(name)
-    if package and find(package) is None:
-        raise InputError(f"{name} needs {package}: pip install ./proof in a checkout")
     module, _, function = ANSWERS[name].partition(":")
     return cast("Rival", getattr(import_module(f"truearc_proof.rivals.{module}"), function))
 
 
-def check_rivals(names: Sequence[str], find: Callable[[str], object] = find_spec) -> tuple[str, ...]:
+def check_rivals(names: Sequence[str]) -> tuple[str, ...]:
     """The names, each once; InputError for one that cannot enter."""
     for name in names:
-        find_rival(name, find)
+        find_rival(name)
     return tuple(dict.fromkeys(names))

@@ -1,20 +1,20 @@
-"""What every entrant gets and answers, the simplest of them, and tracks and laws as regressions take them.
+"""Common interface of the entrants, the simplest entrant, and tracks and laws in the form that regressions need.
 
-The simplest is the term that fits these very shots best.
+The simplest entrant claims the term that fits the given shots best.
 
-It refits as truearc does, and the highest likelihood wins, no question asked: it always says something. Of all
-terms of the catalogue the LIKELY with the largest first-step gain are truly refitted (more cost minutes in dirty
-worlds, whose fits settle slowly), and those that truearc has refitted by itself; ranking is by log likelihood of the
-shots that were fitted, not held out, without a prior's price for the term.
+It refits as truearc does, and the highest likelihood wins unconditionally, so it always names a term. Of all terms of
+the catalogue it refits the LIKELY with the largest first-step gain (more would cost minutes in dirty worlds, whose fits
+converge slowly), and those that truearc has refitted itself; it ranks terms by the log likelihood of the fitted shots,
+without hold-out shots and without the penalty of a prior.
 
-Tracks are cleaned as truearc cleans them, with what the robot knows of each shot.
+Tracks are cleaned as in truearc, with the robot's knowledge of each shot.
 
-The library has accelerations that the catalogue's flight terms stand for, linear in each.
+The library contains the accelerations of the catalogue's flight terms, linear in each.
 
-A column is a term's acceleration at its usual size (one standard deviation of the catalogue's prior), linearised where
-it is not linear, drag and lift inside another term at the middle of their priors: so one threshold, and one ridge,
+A column is a term's acceleration at its usual size (one standard deviation of the catalogue's prior), linearised if it
+is nonlinear, with drag and lift inside another term at the middle of their priors. One threshold, and one ridge, thus
 means the same for every column, and the rivals have the same prior knowledge as truearc. Drag and lift themselves are
-per coefficient (cd, cl), at the middle of their priors where they are not believed.
+per coefficient (cd, cl), at the middle of their priors unless believed.
 
 | column | acceleration | stands for |
 |---|---|---|
@@ -29,15 +29,14 @@ per coefficient (cd, cl), at the middle of their priors where they are not belie
 | air_density | the gas's density change x (drag + lift) | air_density |
 | drag_wear | the ball's age x drag | drag_wear |
 
-What it cannot represent: whatever happens before the first sample (all of sensing and launch: a regression on
-accelerations is blind to it and needs not care), the tracker's scale, tilt and clock (left out, though they are
-accelerations too: fewer columns to take for the true one), each shot's own spin (wheels turn it by 5 % more or less
-than they say), and each ball's own drag.
+The library cannot represent events before the first sample (all of sensing and launch, to which a regression on
+accelerations is blind), the tracker's scale, tilt and clock (these are accelerations too, but are omitted so that fewer
+columns can be mistaken for the true one), each shot's own spin (which differs from that of the wheels by 5 %), and each
+ball's own drag.
 
-Forecasts of the height at a track's end answer the same question as truearc's own figure
-(truearc.sim.discover.select.simulations): the first 40 % of a
-track's samples tell how the ball left, the law flies it on. truearc also knows wheels and hood when it does so; a law
-of accelerations does not, so compare each entrant's after with its own before.
+Forecasts of the height at a track's end correspond to truearc's own figure (truearc.sim.discover.select.simulations):
+the first 40 % of a track's samples determine the initial conditions, and the law continues the flight. truearc also
+uses wheels and hood; a law of accelerations does not, so compare each entrant's result only with its own baseline.
 """
 
 import math
@@ -49,8 +48,7 @@ import numpy as np
 from msgspec import Struct
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import circumstances_of
-from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.dataset import Dataset, circumstances_of
 from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.select import simulations
 from truearc.sim.discover.select.simulations import FORECAST

@@ -1,14 +1,14 @@
-"""ODR-BINDy: positions are unknowns with noise, the law holds softly, the evidence chooses its terms.
+"""ODR-BINDy: positions are noisy unknowns, the law is a soft constraint, and the evidence selects its terms.
 
 Fung 2025, arXiv 2507.23426. The cost is half of |(x - measured) / sigma|^2 + |(x'' - g - library(x') p) / SOFT_M_S2|^2
-+ |p / prior sd|^2 over the positions x of every frame and the coefficients p. The evidence of a set of terms is
-Laplace's, with Gauss and Newton's Hessian of p after x has been minimised out. Terms leave one by one, each time the
-one without which the evidence is largest; of all sets on that path the one with the largest evidence is the answer.
++ |p / prior sd|^2 over the positions x of every frame and the coefficients p. The evidence of a set of terms uses
+Laplace's approximation with the Gauss-Newton Hessian of p after minimisation over x. Terms are removed one by one, each
+time the term whose removal leaves the largest evidence; the set with the largest evidence on that path is the answer.
 
-What differs from the authors' MATLAB: the law is of second order, so that x are positions and the derivatives are
-central differences; many tracks share p, and a banded solver takes the x of each out; while terms leave, x follows
-linearly (their code fits x again for each set), and is linearised again at the set that won; noise is measured about a
-smooth flight, where theirs is given. As there, noise is white and nothing differs from shot to shot but the start.
+Differences from the authors' MATLAB code: the law is of second order, so x are positions and the derivatives are
+central differences; many tracks share p, and a banded solver eliminates the x of each; while terms are removed, x
+follows linearly (their code refits x for each set) and is linearised again at the winning set; noise is estimated about
+a smooth flight, not given. As in their code, noise is white and only the initial conditions vary between shots.
 """
 
 from typing import NamedTuple

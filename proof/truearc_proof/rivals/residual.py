@@ -1,30 +1,30 @@
-"""What the simulator leaves: learners of the residual, and Kennedy and O'Hagan's calibration with a discrepancy.
+"""Rivals that model the simulator's residual: learners, and Kennedy and O'Hagan's calibration with a discrepancy.
 
-A shot's residual are three coordinates of its track's last sample less the forecast by the believed physics, fitted to
-the other folds, from the first 40 % of its samples. Covariates: every column that truearc itself asks about
-(configuration, launch state, circumstances, telemetry). Such a learner has no terms to name. It names what it can in
-honesty: where the covariate that it leans on most is one that terms of the catalogue follow from shot to shot (the
-air's density, the ball's age, the battery, ...), those terms, flight first, since the first samples determine the
-launch; on distance, elevation, speed or spin a dozen terms depend, and it names nothing.
+A shot's residual is the difference, in three coordinates, between its track's last sample and the forecast from the
+first 40 % of its samples by the believed physics, fitted to the other folds. Covariates are all columns that truearc
+tests (configuration, launch state, circumstances, telemetry). Such a learner has no terms of its own. If its most
+important covariate is one that terms of the catalogue follow from shot to shot (air density, age of the ball, battery,
+...), it names those terms, flight first, since the first samples determine the launch. A dozen terms depend on
+distance, elevation, speed or spin; for these covariates it names nothing.
 
-The calibration: an emulator of a simulator's runs, its parameters, and a discrepancy, sampled.
+The calibration samples the parameters of a simulator, an emulator of its runs, and a discrepancy.
 
 Measured y(x) = eta(x, theta) + delta(x) + noise (Kennedy & O'Hagan 2001; Higdon et al. 2004). eta and delta are
 Gaussian processes with squared-exponential correlations, inputs scaled to 0..1 and outputs standardised by the runs.
 Priors are those of SEPIA's ball drop (lanl/SEPIA): theta uniform over the runs; precisions of discrepancy and noise
 Gamma(1, 0.001); the correlation of the discrepancy at half an input's range Beta(1, 0.1).
 
-What differs from SEPIA: y is a number, whatever it is a function of is one more input, so there are no bases (its
-kernels of 1.5 m carry no information across drops 5 m apart); the emulator's numbers are at their most probable, as in
-Kennedy and O'Hagan's own paper, and sampled there. It has no terms to name: delta is a curve. SEPIA is on no package
-index. Of packages there, BAND's has no discrepancy, kohgpjax needs another JAX, and ACBICI a documentation builder at
-run time.
+Differences from SEPIA: y is a number and its arguments are further inputs, so there are no bases (SEPIA's kernels of
+1.5 m carry no information across drops 5 m apart); the emulator's numbers are fixed at their most probable values, as
+in Kennedy and O'Hagan's paper, and sampled in SEPIA. It cannot name terms, since delta is a curve. SEPIA is on no
+package index. Of the packages there, BAND's has no discrepancy, kohgpjax needs another JAX, and ACBICI a documentation
+builder at run time.
 """
 
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import Bounds, minimize
@@ -49,28 +49,26 @@ TREES, RATE, LEAVES, LEAST_SHOTS = 300, 0.05, 8, 15
 INNER, PATIENCE = 0.2, 15             # share of shots that say when to stop, and trees without gain until then
 
 
-class Learner(Protocol):
-    """A regression of residuals [n, 3] on covariates [n, q]."""
+class Learnt(NamedTuple):
+    """A regression of residuals [n, 3] on covariates [n, q]: what it says at others, and how much it leans on each
+    covariate [q], most = largest."""
 
-    def fit(self, covariates: Array, residuals: Array) -> "Learner":
-        """Learn."""
-
-    def predict(self, covariates: Array) -> Array:
-        """[n, 3]."""
-
-    def leaning(self) -> Array:
-        """[q] how much it leans on each covariate, most = largest."""
+    predict: Callable[[Array], Array]
+    leaning: Callable[[], Array]
 
 
-def claim_by(dataset: Dataset, believed: RivalBelief, make: Callable[[], Learner]) -> Claim:
+Learn = Callable[[Array, Array], Learnt]      # of covariates and residuals
+
+
+def claim_by(dataset: Dataset, believed: RivalBelief, learn: Learn) -> Claim:
     """Return the learner's claim; it says something if it forecasts held-out residuals better than 0 does."""
     covariates = gather_covariates(dataset)
     residuals = residuals_of(believed)
     table = table_of(covariates, believed.fitted.model.data.rows[believed.fitted.model.data.tracked])
-    foretold = cross_validate(table, residuals, make)
+    foretold = cross_validate(table, residuals, learn)
     each = gain_of_each(residuals, foretold)
     says = bool(each.mean() > 0.0)
-    names = names_of(covariates, make().fit(table, residuals).leaning()) if says else ()
+    names = names_of(covariates, learn(table, residuals).leaning()) if says else ()
     left = residuals - foretold if says else residuals
     return Claim(says, names, rms(residuals[:, -1]), rms(left[:, -1]),
                  {"gain": float(each.mean()), "gain_se": float(each.std() / np.sqrt(len(each)))})
@@ -92,11 +90,11 @@ def table_of(covariates: Sequence[Covariate], rows: Array) -> Array:
     return table
 
 
-def cross_validate(table: Array, residuals: Array, make: Callable[[], Learner]) -> Array:
+def cross_validate(table: Array, residuals: Array, learn: Learn) -> Array:
     """[k, 3] each fold's residuals as forecast from the other folds."""
     foretold = np.zeros_like(residuals)
     for held in folds(len(table)):
-        foretold[held.out] = make().fit(table[held.train], residuals[held.train]).predict(table[held.out])
+        foretold[held.out] = learn(table[held.train], residuals[held.train]).predict(table[held.out])
     return foretold
 
 
@@ -115,37 +113,21 @@ def names_of(covariates: Sequence[Covariate], leaning: Array) -> tuple[str, ...]
     return tuple(term.name for term in sorted(terms, key=lambda term: term.stage != "flight"))
 
 
-class Process:
-    """scikit-learn's Gaussian process, as a Learner.
+def learn_process(covariates: Array, residuals: Array) -> Learnt:
+    """scikit-learn's Gaussian process: anisotropic RBF plus white noise.
 
-    Anisotropic RBF plus white noise, hyperparameters by marginal likelihood (one kernel for the three coordinates, each
+    Hyperparameters by marginal likelihood, climbed from START (one kernel for the three coordinates, each
     standardised). It leans most on the covariate with the shortest length scale, all being standardised.
     """
-
-    def __init__(self) -> None:
-        self._process: GaussianProcessRegressor | None = None
-
-    def fit(self, covariates: Array, residuals: Array) -> "Process":
-        """Climb the marginal likelihood from START."""
-        length, share, noise = START
-        kernel = (ConstantKernel(share, SHARES) * RBF(np.full(covariates.shape[1], length), SCALES)
-                  + WhiteKernel(noise, SHARES))
-        self._process = GaussianProcessRegressor(kernel, alpha=1e-8, optimizer=_climb, normalize_y=True)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")       # a length scale at its bound is a covariate that does not matter
-            self._process.fit(covariates, residuals)
-        return self
-
-    def predict(self, covariates: Array) -> Array:
-        """Posterior means."""
-        assert self._process is not None
-        mean: Array = self._process.predict(covariates).reshape(len(covariates), -1)
-        return mean
-
-    def leaning(self) -> Array:
-        """1 / length scale."""
-        assert self._process is not None
-        return 1.0 / np.atleast_1d(self._process.kernel_.k1.k2.length_scale)
+    length, share, noise = START
+    kernel = (ConstantKernel(share, SHARES) * RBF(np.full(covariates.shape[1], length), SCALES)
+              + WhiteKernel(noise, SHARES))
+    process = GaussianProcessRegressor(kernel, alpha=1e-8, optimizer=_climb, normalize_y=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")           # a length scale at its bound is a covariate that does not matter
+        process.fit(covariates, residuals)
+    return Learnt(lambda asked: process.predict(asked).reshape(len(asked), -1),
+                  lambda: 1.0 / np.atleast_1d(process.kernel_.k1.k2.length_scale))
 
 
 def _climb(cost: Callable[[Array], tuple[float, Array]], start: Array, bounds: Array) -> tuple[Array, float]:
@@ -156,53 +138,39 @@ def _climb(cost: Callable[[Array], tuple[float, Array]], start: Array, bounds: A
 
 def answer_gp(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     """Return the claim of the Gaussian process; nothing in it is random."""
-    return claim_by(dataset, believed, Process)
+    return claim_by(dataset, believed, learn_process)
 
 
-class Trees:
-    """scikit-learn's gradient-boosted trees, one set of them a coordinate, as a Learner.
+def learn_trees(seed: int, covariates: Array, residuals: Array) -> Learnt:
+    """scikit-learn's gradient-boosted trees, one set of them a coordinate; one thread, for worlds run side by side.
 
     Small trees and a slow rate, as many as an inner validation share finds useful. It leans most on the covariate whose
-    shuffling worsens what it says of its own shots most.
+    shuffling worsens the squared error of what it says of its own shots most, the coordinates alike.
     """
+    with threadpool_limits(1):
+        models = [HistGradientBoostingRegressor(
+            learning_rate=RATE, max_iter=TREES, max_leaf_nodes=LEAVES, min_samples_leaf=LEAST_SHOTS,
+            early_stopping=True, validation_fraction=INNER, n_iter_no_change=PATIENCE,
+            random_state=seed).fit(covariates, column) for column in residuals.T]
 
-    def __init__(self, seed: int) -> None:
-        self._seed = seed
-        self._models: list[HistGradientBoostingRegressor] = []
-        self._learnt: tuple[Array, Array] | None = None
-
-    def fit(self, covariates: Array, residuals: Array) -> "Trees":
-        """One model for each coordinate; one thread, for worlds run side by side."""
+    def predict(asked: Array) -> Array:
         with threadpool_limits(1):
-            self._models = [HistGradientBoostingRegressor(
-                learning_rate=RATE, max_iter=TREES, max_leaf_nodes=LEAVES, min_samples_leaf=LEAST_SHOTS,
-                early_stopping=True, validation_fraction=INNER, n_iter_no_change=PATIENCE,
-                random_state=self._seed).fit(covariates, residuals[:, k]) for k in range(residuals.shape[1])]
-        self._learnt = covariates, residuals
-        return self
+            return np.stack([model.predict(asked) for model in models], axis=1)
 
-    def predict(self, covariates: Array) -> Array:
-        """[n, 3]."""
-        with threadpool_limits(1):
-            return np.stack([model.predict(covariates) for model in self._models], axis=1)
-
-    def leaning(self) -> Array:
-        """By how much shuffling each covariate worsens the squared error, the coordinates alike."""
-        assert self._learnt is not None
-        covariates, residuals = self._learnt
-        rng = np.random.default_rng(self._seed)
-        scale = residuals.var(axis=0)
-        worse = []
+    def leaning() -> Array:
+        rng, worse = np.random.default_rng(seed), []
         for k in range(covariates.shape[1]):
             shuffled = covariates.copy()
             shuffled[:, k] = rng.permutation(shuffled[:, k])
-            worse.append((((residuals - self.predict(shuffled))**2).mean(0) / scale).mean())
+            worse.append((((residuals - predict(shuffled))**2).mean(0) / residuals.var(axis=0)).mean())
         return np.array(worse)
+
+    return Learnt(predict, leaning)
 
 
 def answer_boosted(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     """Return the claim of the boosted trees."""
-    return claim_by(dataset, believed, partial(Trees, seed))
+    return claim_by(dataset, believed, partial(learn_trees, seed))
 
 
 # --- calibration

@@ -1,22 +1,22 @@
-"""PySINDy's sparse regressions of accelerations: an ensemble of them (E-SINDy), and the weak form.
+"""PySINDy's sparse regressions of accelerations: the ensemble (E-SINDy) and the weak form.
 
-PySINDy fits every component its own coefficients; a force has one for all three, so the components are stacked as rows
-of one target. The believed columns are projected out of target and candidates first: keeping them is the same
-(Frisch-Waugh), and EnsembleOptimizer cannot hold columns itself (STLSQ's sparse_ind hides them from it). STLSQ's
-threshold and ridge are found by cross-validation; 50 models are fitted to rows drawn with replacement. An entrant says
-something when the median of the models keeps a candidate, and ranks candidates by the share of models that do.
+PySINDy fits separate coefficients for every component; a force has the same one in all three, so the components are
+stacked as rows of one target. The believed columns are first projected out of target and candidates. This is equivalent
+to keeping them (Frisch-Waugh), which EnsembleOptimizer cannot do (STLSQ's sparse_ind hides them from it). STLSQ's
+threshold and ridge are chosen by cross-validation; 50 models are fitted to rows drawn with replacement. An entrant
+makes a claim if the median of the models keeps a candidate, and ranks candidates by the share of models that keep them.
 
-The ensemble takes smoothed finite differences: Savitzky-Golay windows of WINDOW frames (the best of 11, 21 and
-whole-track polynomials on development worlds), frames nearer to an end than EDGE left out. Velocities are differenced
+The ensemble uses smoothed finite differences: Savitzky-Golay windows of WINDOW frames (the best of 11, 21 and
+whole-track polynomials on development worlds), without frames closer to an end than EDGE. Velocities are differenced
 once and accelerations twice; both are treated as exact.
 
-The weak form integrates the law against test functions, so that no acceleration is ever taken. Each track gives DOMAINS
-stretches of time placed at random, HALF of the track to either side of their middle; PySINDy's WeakPDELibrary
+The weak form integrates the law against test functions, so that accelerations are never computed. Each track gives
+DOMAINS stretches of time placed at random, HALF of the track to either side of their middle; PySINDy's WeakPDELibrary
 integrates library and velocity over them against (1 - s^2)^2 and its derivative. One stretch of almost the whole track
-was best on development worlds (of one or four to six, powers 2 and 4), as it should be: among such weights its second
-derivative says most of a constant acceleration under white noise. The velocity that is integrated is PySINDy's plain
-finite difference (its noise cancels from frame to frame: what is left is the position against the second derivative);
-the library is taken at the smoothed velocity, which has no such help.
+was best on development worlds (of one or four to six, powers 2 and 4). This is expected: among such weights its second
+derivative is the most informative on a constant acceleration under white noise. The integrated velocity is PySINDy's
+plain finite difference (its noise cancels from frame to frame, which leaves the position against the second
+derivative); the library uses the smoothed velocity, whose noise does not cancel.
 """
 
 import warnings

@@ -1,53 +1,53 @@
-"""Sealed rounds on disk: layout, ledger, lock, and the documents that are committed to: seals and claims.
+"""Sealed rounds on disk: their layout, ledger, lock and committed documents (seals and claims).
 
-    ROUND/lock                    held by whoever writes
-    ROUND/half/                   data in the making; nothing in there is ever read
-    ROUND/ledger.jsonl            every step of every world, chained
-    ROUND/data/w0001/             a dataset, given away
-    ROUND/data/home/              MuJoCo's robot before anything was changed, where there are such worlds
-    ROUND/home.json               what its session leaves to be believed, worked out once for all claims
-    ROUND/claims/w0001.json       what the solver says of it, and what more it asks for
-    ROUND/more/w0001/             those shots, or measured.json, given away
-    ROUND/again/w0001.json        what the solver says once it has them
+    ROUND/lock                    held by the writing process
+    ROUND/half/                   unfinished data, which is never read
+    ROUND/ledger.jsonl            every step of every world, as a hash chain
+    ROUND/data/w0001/             a released dataset
+    ROUND/data/home/              MuJoCo's robot before any change, if there are such worlds
+    ROUND/home.json               the belief from its session, computed once for all claims
+    ROUND/claims/w0001.json       the solver's claims on it, and the shots that it requests
+    ROUND/more/w0001/             those shots, or measured.json, released
+    ROUND/again/w0001.json        the solver's claims with them
     ROUND/keeper/round.json       how the round was drawn; not for the solver
     ROUND/keeper/w0001.json       its seal; not for the solver
     ROUND/grades.jsonl            marks of opened worlds
-    ROUND/report.html             them all, in pictures and tables
+    ROUND/report.html             all of these, in pictures and tables
     ROUND/figures.json            the figures of those tables, with intervals
 
-The ledger has one JSON object a line, each with the SHA-256 of the line before it, so that no line can be changed, left
-out or put in without breaking the chain; lines are only ever added at the end, and are on the disk before whatever they
-are about is given away.
+The ledger has one JSON object per line, each with the SHA-256 of the preceding line, so that no line can be changed,
+removed or inserted without breaking the chain. Lines are only appended, and are on disk before their subject is
+released.
 
     {"number": 3, "what": "sealed", "world": "w0001", "sha256": "...", "before": "..."}
 
-The kernel takes the lock off whoever dies, however it dies. Each part of a round takes it for as long as it writes. So
-a solver whose parent was killed goes on holding it, and whoever takes the round up again is told to wait, rather than
-writing beside it.
+The kernel releases the lock when its holder dies. Each part of a round holds it while it writes. A solver whose parent
+was killed thus still holds the lock, and a process that resumes the round gets an error instead of writing at the same
+time.
 
-A seal is what is true of a world, and the hashes of its data, committed to before anybody has seen them. The commitment
-is the SHA-256 of the seal's canonical JSON (keys sorted, no spaces, floats as the shortest text that reads back
-exactly). A salt of 32 random bytes keeps anybody from guessing worlds until one fits.
+A seal contains the truth of a world and the hashes of its data, and is committed to before the data are released. The
+commitment is the SHA-256 of the seal's canonical JSON (sorted keys, no spaces, floats as the shortest text that reads
+back exactly). A salt of 32 random bytes prevents a search for worlds that match.
 
-Claims are `truearc.claims/2`: the keys that a grader reads (docs/how-to/challenge.md). Everything that is compared is
-an id: verdicts, names of terms, parameters, columns, stages, directions, instruments. Sentences are for people.
+Claims have the format `truearc.claims/2`, the keys that a grader reads (docs/how-to/challenge.md). All compared values
+are ids: verdicts, names of terms, parameters, columns, stages, directions, instruments. Sentences are for people.
 """
 
 import hashlib
 import json
-import math
 import os
 import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import msgspec
 from msgspec import Struct
 
-from truearc.errors import InputError
+from truearc.errors import InputError, about, load_bytes, naming
 from truearc.robot.recording.files import claim
 
 FIRST = "0" * 64                      # before the first line there is nothing
@@ -94,10 +94,8 @@ def read_ledger(path: str | Path) -> tuple[Entry, ...]:
     entries: list[Entry] = []
     before = FIRST
     for number, line in enumerate(lines[:-1], 1):
-        try:
+        with naming(f"{path}: line {number}"):
             entry = msgspec.json.decode(line, type=Entry)
-        except msgspec.MsgspecError as error:
-            raise InputError(f"{path}: line {number}: {error}") from error
         if entry.number != number or entry.before != before:
             raise InputError(f"{path}: line {number}: does not follow from the line before it: the ledger was changed")
         if entry.what not in STEPS:
@@ -142,42 +140,20 @@ def committed(entries: tuple[Entry, ...], world: str) -> dict[str, str]:
     return found
 
 
-class Room(NamedTuple):
-    """Where things are."""
+PLACES = {"ledger": "ledger.jsonl", "keeper": "keeper", "plan": "keeper/round.json", "grades": "grades.jsonl",
+          "report": "report.html", "figures": "figures.json", "home": "home.json", "half": "half"}
+
+
+@dataclass(frozen=True)
+class Room:
+    """Where things are: those of PLACES, and each world's."""
 
     root: Path
 
-    @property
-    def ledger(self) -> Path:
-        return self.root / "ledger.jsonl"
-
-    @property
-    def keeper(self) -> Path:
-        return self.root / "keeper"
-
-    @property
-    def plan(self) -> Path:
-        return self.keeper / "round.json"
-
-    @property
-    def grades(self) -> Path:
-        return self.root / "grades.jsonl"
-
-    @property
-    def report(self) -> Path:
-        return self.root / "report.html"
-
-    @property
-    def figures(self) -> Path:
-        return self.root / "figures.json"
-
-    @property
-    def home(self) -> Path:
-        return self.root / "home.json"
-
-    @property
-    def half(self) -> Path:
-        return self.root / "half"
+    def __getattr__(self, name: str) -> Path:
+        if name not in PLACES:
+            raise AttributeError(name)
+        return self.root / PLACES[name]
 
     def more(self, world: str) -> Path:
         return self.root / "more" / world
@@ -274,14 +250,10 @@ def save_seal(path: str | Path, seal: Seal) -> None:
 
 def load_seal(path: str | Path) -> Seal:
     """InputError names the file and what is wrong with it."""
-    try:
-        seal = msgspec.json.decode(Path(path).read_bytes(), type=Seal)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except msgspec.MsgspecError as error:
-        raise InputError(f"{path}: {error}") from error
-    if not _is_plain(seal.world):
-        raise InputError(f"{path}: world: a number in it is not finite")
+    with naming(path):
+        seal = msgspec.json.decode(load_bytes(path), type=Seal)
+    with about(f"{path}: world", ValueError):     # a number in it that is not finite
+        canonical(seal.world)
     return seal
 
 
@@ -292,14 +264,6 @@ def check_data(seal: Seal, directory: str | Path) -> list[str]:
     return ([f"{Path(directory) / name}: was changed" for name in changed]
             + [f"{Path(directory) / name}: is missing" for name in seal.data if name not in there]
             + [f"{Path(directory) / name}: was not among the sealed data" for name in there if name not in seal.data])
-
-
-def _is_plain(value: Any) -> bool:
-    if isinstance(value, dict):
-        return all(map(_is_plain, value.values()))
-    if isinstance(value, list):
-        return all(map(_is_plain, value))
-    return not isinstance(value, float) or math.isfinite(value)
 
 
 class Mismatch(Struct):
@@ -347,14 +311,8 @@ def load_claims(path: Path) -> Claims:
     Raises:
         InputError: with the file, and the key that is missing or of another kind than it must be.
     """
-    try:
-        claims = msgspec.json.decode(path.read_bytes(), type=Claims)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: {error}") from error
-    try:
+    with naming(path):
+        claims = msgspec.json.decode(load_bytes(path), type=Claims)
+    with naming(f"{path}: finding"):
         msgspec.convert(claims.finding, Finding)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{path}: finding: {error}") from error
     return claims

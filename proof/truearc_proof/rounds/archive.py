@@ -1,13 +1,12 @@
-"""A finished round in one file, without its data: the opened seals say how to make them again, to the last byte.
+"""Archive of a finished round in one file, without its data, which the opened seals reproduce byte for byte.
 
-First claims are made again from the released data alone, which shows that they do not come from the truth. Only the
-very solver, by its hash, makes the same claims. Claims of rivals, follow-up requests and second claims are not made
-again.
+First claims are recomputed from the released data alone, which shows that they do not use the truth. Only the same
+solver, identified by its hash, makes the same claims. Claims of rivals, follow-up requests and second claims are not
+recomputed.
 
-Of two gradings of one world, claims, truth and correctness must be equal to the letter, and numbers that were worked
-out from the data as nearly as another machine can. The grader's own numbers come from the solver's fits (the ceiling
-that the data allow): with another state of the solver they may be any, and are reported but
-not counted as differences.
+In two gradings of one world, claims, truth and correctness must be identical, and numbers computed from the data must
+agree within the precision of different machines. The grader's own numbers come from the solver's fits (the ceiling that
+the data allow): with another state of the solver they may differ, which is reported but not counted as a difference.
 """
 
 import io
@@ -37,6 +36,7 @@ ROUNDING = 1e-6                       # of sums in another order; forty worlds m
 DRAWN = 0.08
 TOLERANCE: Mapping[str, float] = {"strength": ROUNDING, "error": ROUNDING, "off_m": ROUNDING,
                                   "allowed": DRAWN}
+ABSENT = "absent"
 FITTED = ("alias", "rivals")          # hang on which terms the fits cannot tell apart
 
 
@@ -174,9 +174,12 @@ def solver_of(room: Room, name: str) -> str:
 
 
 def compare_claims(room: Room, other: Room, name: str) -> tuple[str, ...]:
-    """Return a sentence for each difference between the claims; numbers may be off by NEARLY."""
-    was, now = (_told(msgspec.json.decode(one.claims(name).read_bytes())) for one in (room, other))
-    return tuple(f"{room.claims(name)}: {line}" for line in _unlike("", was, now))
+    """Return a sentence for each difference between the claims; numbers may be off by NEARLY, as fits are between
+    machines. Their keys are open; of marks, each field has a tolerance of its own."""
+    was, now = (dict(_leaves("", _told(msgspec.json.decode(one.claims(name).read_bytes())))) for one in (room, other))
+    return tuple(f"{room.claims(name)}: claims {key} {was.get(key, ABSENT)!r:.60}; solved again, it is "
+                 f"{now.get(key, ABSENT)!r:.60}" for key in {**was, **now}
+                 if not _same(was.get(key, ABSENT), now.get(key, ABSENT)))
 
 
 def _told(claims: Mapping[str, Any]) -> dict[str, Any]:
@@ -193,20 +196,13 @@ def _told(claims: Mapping[str, Any]) -> dict[str, Any]:
             "fit": finding.get("fit"), "believed": claims.get("believed")}
 
 
-def _unlike(key: str, was: Any, now: Any) -> Iterator[str]:
-    """Yield a line for each place where two plain JSON values differ.
-
-    For claims, whose keys are open: any tree of values, one tolerance (NEARLY, ZERO) for every number, by which a fit
-    differs between machines. Marks have a tolerance for each field; truearc_proof.rounds.archive compares them.
-    """
-    if isinstance(was, Mapping) and isinstance(now, Mapping) and set(was) == set(now):
-        for name in was:
-            yield from _unlike(f"{key}.{name}" if key else name, was[name], now[name])
-    elif isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
-        for place, (one, other) in enumerate(zip(was, now, strict=True)):
-            yield from _unlike(f"{key}[{place}]", one, other)
-    elif not _same(was, now):
-        yield f"claims {key} {_short(was)}; solved again, it is {_short(now)}"
+def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """(place, value) of what plain JSON values are made of in the end, an empty list or object as such."""
+    if isinstance(value, dict | list) and value:
+        for name, one in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _leaves(f"{key}.{name}".lstrip("."), one)
+    else:
+        yield key, value
 
 
 def _same(was: Any, now: Any) -> bool:
@@ -214,11 +210,6 @@ def _same(was: Any, now: Any) -> bool:
     if not numbers:
         return type(was) is type(now) and bool(was == now)
     return bool(abs(was - now) <= NEARLY * abs(was) + ZERO)
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) < 60 else text[:57] + "..."
 
 
 class Compared(NamedTuple):
@@ -232,9 +223,8 @@ class Compared(NamedTuple):
 def compare_gradings(was: grader.Graded, now: grader.Graded, fits_alike: bool = True) -> Compared:
     """Compare two gradings of one world, field by field.
 
-    For marks, whose fields are fixed: each of TOLERANCE has a tolerance of its own, and its largest difference is
-    reported even within it; all others must be equal. Claims have neither fixed fields nor such tolerances;
-    truearc_proof.rounds.archive compares them.
+    Each of TOLERANCE has a tolerance of its own, and its largest difference is reported even within it; all others
+    must be equal.
 
     Args:
         was: As published.

@@ -1,10 +1,11 @@
-"""The keeper's part: draw worlds, make and give away their data, and commit to what is true of them before.
+"""The keeper of a round: it draws worlds, commits to their truth, and makes and releases their data.
 
-Seals are opened in this process alone: workers, of which a cluster's may have worked for the solver, are handed what
-they need of them, and write into a directory of their own (Room.half), which is moved when it is whole. So a worker
-that outlives a killed keeper cannot corrupt the data that the next one makes.
+Only this process opens seals: workers receive the parts that they need, and write into a directory of their own
+(Room.half), which is moved when it is complete. A worker that outlives a killed keeper thus cannot corrupt the data of
+the next one.
 
-Of external worlds the truth that their makers state is sealed with their data, if it can be marked.
+For external worlds, the truth stated by their makers is sealed with their data; a truth against which no claim could be
+graded is refused.
 """
 
 import math
@@ -19,7 +20,7 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from truearc.errors import InputError
+from truearc.errors import InputError, load_bytes, naming
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import load_dataset
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
@@ -90,13 +91,12 @@ def entropy() -> int:
     return secrets.randbits(62)
 
 
-def seal_round(room: Room, plan: RoundPlan, progress: Progress, workers: int | None = None,
-               scheduler: str | None = None) -> None:
+def seal_round(room: Room, plan: RoundPlan, progress: Progress, workers: int | None = None) -> None:
     """Make and seal every world that is not sealed yet. InputError where the round was begun from another plan."""
     worlds = plan.drawn()             # before anything is there: a plan of which nothing can be drawn leaves nothing
     with alone(room.root):
         keep_plan(room, plan)
-        _seal_drawn(room, worlds, progress, workers, scheduler)
+        _seal_drawn(room, worlds, progress, workers)
 
 
 def keep_plan(room: Room, plan: RoundPlan) -> None:
@@ -110,14 +110,13 @@ def keep_plan(room: Room, plan: RoundPlan) -> None:
         raise InputError(f"{room.plan}: this round was drawn from something else; give another directory")
 
 
-def _seal_drawn(room: Room, worlds: tuple[Drawn, ...], progress: Progress, workers: int | None,
-                scheduler: str | None) -> None:
+def _seal_drawn(room: Room, worlds: tuple[Drawn, ...], progress: Progress, workers: int | None) -> None:
     done, half = room.steps(), _half(room)
     todo = [one for one in worlds if Step.SEALED not in done.get(one.name, {}) or not room.data(one.name).is_dir()]
     for first in range(0, len(todo), AT_ONCE):
         batch = todo[first:first + AT_ONCE]
         progress((len(worlds) - len(todo) + first) / len(worlds), "worlds are made and sealed")
-        makers = fan_out(partial(_make, half), batch, scheduler, workers=workers)
+        makers = fan_out(partial(_make, half), batch, workers=workers)
         for drawn, maker in zip(batch, makers, strict=True):
             if Step.SEALED not in done.get(drawn.name, {}):
                 seal = make_seal(msgspec.to_builtins(drawn), maker, half / drawn.name)
@@ -127,13 +126,13 @@ def _seal_drawn(room: Room, worlds: tuple[Drawn, ...], progress: Progress, worke
     progress(1.0, f"{len(worlds)} worlds sealed")
 
 
-def answer_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None) -> None:
+def answer_round(room: Room, progress: Progress, workers: int | None = None) -> None:
     """Shoot what the solver has asked for, in every world that is claimed and not opened yet."""
     with alone(room.root):
-        _answer_claimed(room, progress, workers, scheduler)
+        _answer_claimed(room, progress, workers)
 
 
-def _answer_claimed(room: Room, progress: Progress, workers: int | None, scheduler: str | None) -> None:
+def _answer_claimed(room: Room, progress: Progress, workers: int | None) -> None:
     steps, half = room.steps(), _half(room)
     todo = [name for name, done in steps.items() if Step.CLAIMED in done and Step.OPENED not in done
             and not (Step.ANSWERED in done and room.more(name).is_dir())]
@@ -147,7 +146,7 @@ def _answer_claimed(room: Room, progress: Progress, workers: int | None, schedul
             if Step.ASKED not in steps[name]:
                 requests = load_claims(room.claims(name)).asked
                 append(room.ledger, Step.ASKED, name, digest(canonical(requests)))
-        fan_out(partial(_answer, half), [(drawn[name], asked[name]) for name in batch], scheduler, workers=workers)
+        fan_out(partial(_answer, half), [(drawn[name], asked[name]) for name in batch], workers=workers)
         for name in batch:
             if Step.ANSWERED not in steps[name]:
                 append(room.ledger, Step.ANSWERED, name, digest(canonical(hash_files(half / name))))
@@ -207,12 +206,8 @@ def answer(drawn: Drawn, asked: Wanted, directory: Path) -> None:
 
 def load_plan(room: Room) -> RoundPlan:
     """InputError names the file and what is wrong with it."""
-    try:
-        return msgspec.json.decode(room.plan.read_bytes(), type=RoundPlan)
-    except OSError as error:
-        raise InputError(f"{room.plan}: {error.strerror}") from error
-    except msgspec.MsgspecError as error:
-        raise InputError(f"{room.plan}: {error}") from error
+    with naming(room.plan):
+        return msgspec.json.decode(load_bytes(room.plan), type=RoundPlan)
 
 
 def _make(half: Path, drawn: Drawn) -> str:
@@ -244,10 +239,8 @@ def seal_own(room: Room, world: Path, data: Path) -> str:
     catalogue has. InputError for what could never be marked, naming file and key, and for one of that name sealed
     already.
     """
-    try:
-        truth = msgspec.json.decode(world.read_bytes(), type=dict[str, Any])
-    except (OSError, msgspec.MsgspecError) as error:
-        raise InputError(f"{world}: {error}") from error
+    with naming(world):
+        truth = msgspec.json.decode(load_bytes(world), type=dict[str, Any])
     name, dataset = data.resolve().name, load_dataset(data)
     level = "L2" if dataset.tracks is not None else "L1" if dataset.traces is not None else "L0"
     whole = {**truth, "name": name, "engine": OWN, "level": level, "shots": len(dataset.shots), "seed": 0}

@@ -1,6 +1,6 @@
-"""The grader's part: open the seals of what has been claimed, find out whatever was changed, and mark the rest.
+"""The grader of a round: it refuses a round with changed files, opens the seals of claimed worlds, and marks them.
 
-What a table is made of is what was entered into the ledger when the worlds were marked.
+Tables use only the entries made in the ledger when the worlds were marked.
 """
 
 from collections.abc import Mapping, Sequence
@@ -93,8 +93,7 @@ class Graded(Struct, frozen=True):
     again: Mark | None = None
 
 
-def grade_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None,
-                so_far: bool = False) -> tuple[Graded, ...]:
+def grade_round(room: Room, progress: Progress, workers: int | None = None, so_far: bool = False) -> tuple[Graded, ...]:
     """Return the marks of every world, each opened and marked once; InputError names tampered and unclaimed worlds.
 
     so_far: the round goes on: worlds that are not claimed, or not again though more shots were given, are waited for.
@@ -109,22 +108,20 @@ def grade_round(room: Room, progress: Progress, workers: int | None = None, sche
                       "round goes on)" for name in unclaimed(steps)]
         if wrong:
             raise InputError("\n".join(wrong))
-        _mark_claimed(room, steps, progress, workers, scheduler, so_far)
+        _mark_claimed(room, steps, progress, workers, so_far)
     return graded_of(room)
 
 
-def _mark_claimed(room: Room, steps: Steps, progress: Progress, workers: int | None, scheduler: str | None,
-                  so_far: bool) -> None:
+def _mark_claimed(room: Room, steps: Steps, progress: Progress, workers: int | None, so_far: bool) -> None:
     known = worlds_of(room.grades)
     todo = [name for name, done in steps.items() if Step.CLAIMED in done and name != HOME and name not in known
             and not (so_far and Step.ANSWERED in done and not {Step.CLAIMED_AGAIN, Step.OPENED} & set(done))]
     for name in todo:
         if Step.OPENED not in steps[name]:
             append(room.ledger, Step.OPENED, name, digest(room.seal(name).read_bytes()))
-    # seals are read here: a worker of a cluster may have worked for the solver, and is refused them
     jobs = [(drawn_of(load_seal(room.seal(name)).world, room.seal(name)), Step.CLAIMED_AGAIN in steps[name])
             for name in todo]
-    fan_out(partial(mark_world, room.root.resolve()), jobs, scheduler,
+    fan_out(partial(mark_world, room.root.resolve()), jobs,
             lambda done, note: progress(done, "worlds are opened and marked"), workers,
             lambda job, one: save_mark(room, one.world, one, steps[one.world]))
     progress(1.0, f"{len(known) + len(todo)} worlds marked")

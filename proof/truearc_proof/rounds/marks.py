@@ -1,12 +1,12 @@
-"""Marks of one opened world: what was claimed against what was true, and what the data allowed.
+"""Marks of one opened world: the claims compared with the truth, and with the ceiling that the data allow.
 
-The name of a decoy, which changes much and does nothing, is false, whatever it resembles. Marks keep what the data
-cannot tell apart, the decoy's name with it; here it is put right, for older rounds too.
+The name of a decoy, which varies strongly without effect, is false regardless of its resemblances. Sets of names that
+the data cannot distinguish may contain the decoy's name; this module removes it, also for older rounds.
 
-For small effects the scores are normal; the best that anybody can do with them is worked out by drawing them.
+For small effects the scores are normal; the best achievable result is computed by drawing them.
 
-Sealed hold-out shots get to no solver. They follow from the sealed world alone (another season of the same robot, with
-balls and random effects of its own), so that the seal commits to them as well.
+Solvers never receive the sealed hold-out shots. These follow from the sealed world alone (another season of the same
+robot, with its own balls and random effects), so the seal commits to them as well.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec import Struct, structs
 
-from truearc.sim.data.conditions import circumstances_of, counts_shots
-from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, visible_terms
+from truearc.sim.data.dataset import Dataset, circumstances_of, counts_shots
+from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, one_step
 from truearc.sim.infer.belief import Belief, along, point_belief
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher, LauncherFit, coefficients_of
@@ -69,7 +68,7 @@ def ceiling_of(evidence: ScoreTable, level: str, name: str, amplitude: float, se
     Efficient scores of terms (fitted parameters projected out) are drawn as N(information x amplitude, information);
     the threshold is that of the largest of as many correlated scores of noise.
     """
-    columns = visible_terms(evidence)
+    columns = np.array([one.column for one in one_step(evidence)[0] if one.visible], dtype=int)
     names = [evidence.columns[k].name for k in columns]
     if name not in {column.name for column in evidence.columns[:evidence.first_shared]}:
         return None

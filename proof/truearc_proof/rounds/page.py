@@ -1,4 +1,4 @@
-"""The one page of a round of proof: how often it was right, and every commitment in its ledger."""
+"""The page of a proof round, with its rates of correct claims and every commitment in its ledger."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -23,7 +23,7 @@ BAND_95 = 1.358                       # Kolmogorov's, over the root of the numbe
 
 def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Sequence[Entry],
                     origin: Origin = NO_ORIGIN) -> str:
-    """HTML that needs nothing but itself. entries: the round's ledger. A round that was only driven has no marks."""
+    """HTML that needs nothing but itself. entries: the round's ledger."""
     levels = sorted({f"{one.level}, {one.shots} shots" for one in marks})
     sections = []
     if ladder_of(marks):
@@ -39,10 +39,9 @@ def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Seq
         sections.append(("Do probabilities mean what they say", picture(
             reliability, "probabilities that were claimed against shares that were right")))
     sections += [(one.title, table(one.header, one.rows)) for one in tables]
-    sections += [("Every world", _worlds(marks))] if marks else []
-    sections += [("The ledger", _ledger(entries))]
-    title = f"{len(marks)} concealed worlds, {'; '.join(levels)}" if marks else "driven worlds"
-    return make_page(f"truearc prove: {title}", verdict(marks), sections, origin)
+    sections += [("Every world", _worlds(marks)), ("The ledger", _ledger(entries))]
+    title = f"truearc prove: {len(marks)} concealed worlds, {'; '.join(levels)}"
+    return make_page(title, verdict(marks), sections, origin)
 
 
 def verdict(marks: Sequence[Mark]) -> str:

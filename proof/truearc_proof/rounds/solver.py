@@ -1,11 +1,11 @@
-"""The solver's part: discovery on data whose truth is sealed. It opens no file of the keeper's.
+"""The solver of a round: discovery on data whose truth is sealed. It opens no file of the keeper.
 
-An audit hook of the interpreter, which cannot be taken off again, refuses them wherever it runs. That guards against
-accident, not against malice: a subprocess, ctypes, or a library that opens files by itself passes it. Whoever does not
-trust a solver gives it a copy of the round without keeper/, which is all that it needs (docs/how-to/challenge.md).
+A permanent interpreter audit hook blocks any attempt to open one. It guards against accidents, not against malice: a
+subprocess, ctypes, or a library that opens files itself can bypass it. To run an untrusted solver, give it a copy of
+the round without keeper/, which is all that it needs (docs/how-to/challenge.md).
 
-Claims come back from the workers by value and are written here, so that none that outlives a killed solver writes
-anything beside the next one.
+Workers return claims by value and this process writes them, so that a worker that outlives a killed solver cannot write
+at the same time as the next one.
 """
 
 import hashlib
@@ -51,18 +51,17 @@ SOURCES = {
 _forbidden: list[str] = []
 
 
-def solve_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None,
+def solve_round(room: Room, progress: Progress, workers: int | None = None,
                 rivals: tuple[str, ...] = ()) -> None:
     """Claims for every sealed world that has none in the ledger, and second ones where more shots were given; rivals:
     others (truearc_proof.rivals) that are put to the same tracks. Call it in a process of its own: afterwards this
     one can open nothing of the keeper's any more. InputError for rivals where no world has tracks."""
     forbid(room.keeper)
     with alone(room.root):
-        _solve_sealed(room, progress, workers, scheduler, rivals)
+        _solve_sealed(room, progress, workers, rivals)
 
 
-def _solve_sealed(room: Room, progress: Progress, workers: int | None, scheduler: str | None,
-                  rivals: tuple[str, ...]) -> None:
+def _solve_sealed(room: Room, progress: Progress, workers: int | None, rivals: tuple[str, ...]) -> None:
     steps = room.steps()
     names = [name for name, done in steps.items() if Step.SEALED in done and Step.OPENED not in done and name != HOME]
     if rivals and names and not any(any(room.data(name).glob("tracks.*")) for name in names):
@@ -74,7 +73,7 @@ def _solve_sealed(room: Room, progress: Progress, workers: int | None, scheduler
         _keep_home(room)
     for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), Step.CLAIMED, room.claims),
                                    (again, partial(solve_again, room.root.resolve()), Step.CLAIMED_AGAIN, room.again)):
-        fan_out(work, todo, scheduler, partial(_tell, progress, f"worlds are discovered in ({step})"), workers,
+        fan_out(work, todo, partial(_tell, progress, f"worlds are discovered in ({step})"), workers,
                 partial(_claim, room, step, path))
     progress(1.0, f"{len(names)} worlds claimed")
 

@@ -1,7 +1,7 @@
-"""Tables of a round of proof, its figures with Wilson's 95 % intervals, and their targets, set before the rounds."""
+"""Tables of a round of proof: its figures with Wilson's 95 % intervals, and their targets, set before the rounds."""
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from operator import attrgetter
 from statistics import median
 from typing import Any, NamedTuple
@@ -37,7 +37,11 @@ def make_tables(marks: Sequence[Mark], again: Again = ()) -> list[Table]:
         marks: Of first claims.
         again: (first, second) marks of the worlds that were shot again.
     """
-    tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks), _matrix(marks), _posterior(marks),
+    tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks),
+              Table("What was true against what was said", ("true, said", *VERDICTS),
+                    [[title, *map(str, counts)] for title, counts in matrix_of(marks).items()]),
+              Table("Against the targets of the posterior", ("figure", "here", "wanted", ""),
+                    posterior_rows(marks) if len({one.level for one in marks}) == 1 else []),
               _rivals(marks), _again(again)]
     return [one for one in tables if one.rows]
 
@@ -67,17 +71,13 @@ def ladder_of(marks: Sequence[Mark]) -> list[tuple[float, float, list[Mark]]]:
 
 
 def _alarms(marks: Sequence[Mark]) -> Table:
-    nulls = [one for one in marks if one.kind in NULLS]
-    groups = {"clean": [one for one in nulls if one.kind == "clean" and one.engine == NUMPY],
-              "dirty": [one for one in nulls if one.kind == "dirty" and one.engine == NUMPY],
-              "MuJoCo, unchanged": [one for one in nulls if one.engine == MUJOCO and one.kind == "clean"],
-              "MuJoCo, unchanged, dirty": [one for one in nulls if one.engine == MUJOCO and one.kind == "dirty"],
-              "external": [one for one in nulls if one.engine == OWN], "together": nulls}
-    rows = [[title, said(*share(mine, lambda one: one.found)), said(*share(mine, lambda one: bool(one.names)))]
+    titles = {"clean": [(NUMPY, "clean")], "dirty": [(NUMPY, "dirty")], "MuJoCo, unchanged": [(MUJOCO, "clean")],
+              "MuJoCo, unchanged, dirty": [(MUJOCO, "dirty")], "external": [*product((OWN,), NULLS)],
+              "together": [*product((NUMPY, MUJOCO, OWN), NULLS)]}
+    groups = {title: [one for one in marks if (one.engine, one.kind) in kinds] for title, kinds in titles.items()}
+    rows = [[title, said(*share(mine, FOUND)), said(*share(mine, lambda one: bool(one.names)))]
             for title, mine in groups.items() if mine]
-    return Table(
-        "Worlds in which nothing is missing (nominal 0.05)", ("", "false alarms", "a name was given"), rows
-    )
+    return Table("Worlds in which nothing is missing (nominal 0.05)", ("", "false alarms", "a name was given"), rows)
 
 
 def _ladder(marks: Sequence[Mark]) -> Table:
@@ -125,17 +125,6 @@ def _right(marks: Sequence[Mark]) -> Table:
         "hidden", "found", "stage", "first name right", "up to alias", "in the set", "set size", "interval holds",
         "error / least possible, RMS", "gain kept in the sealed test",
         "worse there than before"), rows)
-
-
-def _matrix(marks: Sequence[Mark]) -> Table:
-    rows = [[title, *map(str, counts)] for title, counts in matrix_of(marks).items()]
-    return Table("What was true against what was said", ("true, said", *VERDICTS), rows)
-
-
-def _posterior(marks: Sequence[Mark]) -> Table:
-    levels = {one.level for one in marks}
-    return Table("Against the targets of the posterior", ("figure", "here", "wanted", ""),
-                 posterior_rows(marks) if len(levels) == 1 else [])
 
 
 def _rivals(marks: Sequence[Mark]) -> Table:

@@ -1,24 +1,23 @@
-"""Worlds of a round: which are drawn, from one number, and the data that are made of them and given away.
+"""Worlds of a round: the draw from a single number, and the released data.
 
-Shares follow the design, sizes a ladder in lambda: how plain the effect is in such data
-(proof/truearc_proof/truth/ladder.toml), not its usual size by judgement. Nothing here comes from truearc.sim.physics.
+Shares follow the design; sizes follow a ladder in lambda, the detectability of the effect in such data
+(proof/truearc_proof/truth/ladder.toml), instead of a judged usual size. Nothing here comes from truearc.sim.physics.
 
-Concealed changes of the MuJoCo world, and the names of the catalogue that are right for each.
+Concealed changes of the MuJoCo world have one or more correct names in the catalogue.
 
-The world's own law is not the catalogue's: a softer ball leaves slower, lower and with another spin, so that several
-names may be right of one change, and for some only the stage is.
+The law of this world is not the catalogue's: a softer ball leaves slower, lower and with different spin, so several
+names may be right for one change, and for some changes only the stage is.
 
-Data of a MuJoCo world of another quality than at home, or than rig.toml states: in no respect is it a change.
+The data of a MuJoCo world may differ in quality from those at home or from rig.toml, which is not a change:
 
-Names that the NumPy engine also has mean the same: noise_understated (rig.toml states half of it), outliers (2 % of
-outcomes noted as another, tracks' noise by Student's t of 3), missing_frames (a quarter of a track's),
-battery_with_wear (a voltage that falls as balls wear, and has no effect). scatter: balls, and shots of a ball, differ
-by 1.25 times as much; lopsided: practice from far alone. There is no kind for overstated noise: rig.toml overstates it
-already.
+Names shared with the NumPy engine mean the same: noise_understated (rig.toml states half of the noise), outliers (2 %
+of outcomes are recorded as another, tracks have Student's t noise with 3 degrees of freedom), missing_frames (a quarter
+of a track), battery_with_wear (a voltage without effect that falls as balls wear). scatter: balls, and shots of a ball,
+vary 1.25 times as much; lopsided: practice only from far away. No kind overstates noise, since rig.toml already does.
 
-Effect on the mean flight, measured in 300 shots: none, except for scatter and battery. More scatter lowers the mean
-height by 7 mm, less than its standard error of 11 mm (1.4 times as much: 12 mm). The battery moves heights by 3 mm RMS,
-along its fall by 7 mm, where shots scatter by 150 mm.
+Only scatter and battery affect the mean flight, as measured in 300 shots. More scatter lowers the mean height by 7 mm,
+less than its standard error of 11 mm (1.4 times as much: 12 mm). The battery moves heights by 3 mm RMS, along its fall
+by 7 mm, compared with a scatter of shots of 150 mm.
 """
 
 import math
@@ -42,7 +41,7 @@ from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import save_dataset
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import Season, ShotSetting
+from truearc.sim.world.world import Season, ShotSetting
 from truearc_proof.rounds import TOOLS, canonical
 from truearc_proof.truth import world as truth
 from truearc_proof.truth.generate import Asked, follow, write
@@ -332,30 +331,21 @@ def _dirt(rng: np.random.Generator, kind: str, level: str) -> tuple[str, ...]:
 def change_robot(rng: np.random.Generator, drawn: Drawn) -> Drawn:
     """A MuJoCo world of its kind."""
     kind, level = drawn.kind, drawn.level
-    if kind == "one":
-        return change_one(rng, drawn)
     if kind in ("clean", "dirty"):
         dirt = (str(rng.choice(dirt_at(level))),) if kind == "dirty" else ()
         return structs.replace(drawn, change=CHANGES[0].name, dirt=dirt)
-    among = {"two": pairs_at(level), "off": tuple((one,) for one in UNCATALOGUED),
+    among = {"one": tuple((one,) for one in seen_at(level)[1:]), "two": pairs_at(level),
+             "off": tuple((one,) for one in UNCATALOGUED),
              "alias": tuple(changes_of(name) for name in ALIKE_CHANGES[level]), "decoy": (changes_of(WORN_CHANGE),)}
     changes = among[kind][int(rng.integers(len(among[kind])))]
-    either = [one.signed or kind == "alias" for one in changes]
-    options = [_sized(rng, one, PLAIN_FACTORS, signed) for one, signed in zip(changes, either, strict=True)]
+    options = [_sized(rng, one, FACTORS if kind == "one" else PLAIN_FACTORS, one.signed or kind == "alias")
+               for one in changes]
     return structs.replace(drawn, effects={name: value for each in options for name, value in each.items()},
                            change=AND.join(one.name for one in changes),
                            dirt=(DECOY_DIRT,) if kind == "decoy" else ())
 
 
-def change_one(rng: np.random.Generator, drawn: Drawn) -> Drawn:
-    """A MuJoCo world with nothing changed, or one thing, by so much."""
-    if drawn.kind == "clean":
-        return structs.replace(drawn, change=CHANGES[0].name)
-    change = seen_at(drawn.level)[1:][int(rng.integers(len(seen_at(drawn.level)) - 1))]
-    return structs.replace(drawn, effects=_sized(rng, change, FACTORS), change=change.name)
-
-
-def _sized(rng: np.random.Generator, change: Change, factors: tuple[float, ...], signed: bool = False
+def _sized(rng: np.random.Generator, change: Change, factors: tuple[float, ...], signed: bool
            ) -> dict[str, float]:
     """{option: value} of a change that is one of the factors larger than usual."""
     factor = float(rng.choice(factors)) * (-1.0 if signed and rng.random() < 0.5 else 1.0)

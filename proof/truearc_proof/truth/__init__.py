@@ -1,1 +1,1 @@
-"""The concealed truth: a small 3-D launcher in numpy that shares no line with truearc.sim.physics."""
+"""The concealed truth: a small 3-D launcher in NumPy that shares no code with truearc.sim.physics."""

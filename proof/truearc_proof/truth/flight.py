@@ -1,8 +1,8 @@
-"""From wheels to the target: launch, air, flight, and how the operator aims.
+"""Flight from the wheels to the target: launch, air, trajectory, and the operator's aim.
 
-Balls roll without slip; the launcher loses speed, and shots scatter. Flights go by classical Runge-Kutta on one grid of
-time, cubic Hermite between its moments. The operator aims off the centre on purpose, by what the robot believes of
-itself, then corrects all speeds as a whole.
+Balls roll without slip; the launcher loses speed, and shots scatter. Flights use classical Runge-Kutta steps on one
+time grid with cubic Hermite interpolation. The operator deliberately aims off the centre according to the robot's
+belief, then corrects all speeds by a common factor.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Dataset of a concealed world, as its sensors read it and a solver gets it, and further shots that it asks for.
+"""Dataset of a concealed world, as read by its sensors and released to a solver, and further requested shots.
 """
 
 from collections.abc import Sequence

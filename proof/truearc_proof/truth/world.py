@@ -1,7 +1,7 @@
-"""A concealed world: what is true of it, what may be hidden, and the circumstances of its shots.
+"""A concealed world: its truth, the effects that may be hidden, and the circumstances of its shots.
 
-Names that the solver's catalogue has too are meant to be the same hypothesis; the laws behind them are written here
-from the physics alone. Amplitude 0 is exact absence.
+Names shared with the solver's catalogue mean the same hypothesis; their laws are implemented here independently, from
+the physics alone. Amplitude 0 means exact absence.
 """
 
 from collections.abc import Mapping, Sequence

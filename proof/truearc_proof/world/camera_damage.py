@@ -1,11 +1,10 @@
-"""An emulated camera with things wrong with it, before a target somewhere, and with distractors in view.
+"""Emulated camera with defects, in front of a target at any position, with distractors in view.
 
-Each kind is a function of the lens, the true target's outline in the image (or None) and random numbers, and gives
-patches for StagedCamera.clutter. Other targets are flat shapes in metres, seen by the same lens from anywhere.
+Each kind of defect is a function of the lens, the true target's outline in the image (or None) and random numbers that
+returns patches for StagedCamera.clutter. Other targets are flat shapes in metres, seen by the same lens from any pose.
 """
 
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -29,7 +28,6 @@ from truearc.hw.emulated.camera import (
 )
 from truearc.hw.emulated.camera import Look as PlainLook
 from truearc.hw.emulated.nodes import Scene, View
-from truearc.hw.protocols import CameraFrame
 
 ROUNDS = 4                            # the row where a point is seen and the moment at which that row is exposed
 CAMERA_RIGHT = np.array([1.0, 0.0, 0.0])
@@ -94,23 +92,13 @@ class Patch(NamedTuple):
 
 
 class StagedCamera(EmulatedCamera):
-    """truearc.hw.protocols.Camera on an emulated world; whoever owns the clock calls `step`."""
+    """An emulated camera whose `expose` gives pictures of a scene with something wrong."""
 
-    def __init__(self, scene: Scene, lens: Lens, tape: TapeSize, fps: float, latency_s: float, seed: int, *,
-                 look: Look = USUAL) -> None:
-        """`latency_s` runs from the middle of the exposure until the frame can be read."""
+    def __init__(self, scene: Scene, lens: Lens, tape: TapeSize, seed: int, *, look: Look = USUAL) -> None:
         super().__init__(scene, lens, tape, seed, look)
         self._damage = look
-        self._period_ns, self._latency_ns = round(1e9 / fps), round(latency_s * 1e9)
-        self._due_ns: int | None = None
-        self._now_ns = 0
-        self._waiting: deque[CameraFrame] = deque()
-        self._frozen, self._black = False, False
+        self._black = False
         self._patches: tuple[Patch, ...] = ()
-
-    def freeze(self, on: bool = True) -> None:
-        """The camera gives no more images, as one whose driver hangs."""
-        self._frozen = on
 
     def black(self, on: bool = True) -> None:
         """Images keep coming and show nothing but noise, as with a lens cap on."""
@@ -119,27 +107,6 @@ class StagedCamera(EmulatedCamera):
     def clutter(self, patches: tuple[Patch, ...]) -> None:
         """From now on these stand before the scene, instead of any earlier ones."""
         self._patches = patches
-
-    def step(self, t_ns: int) -> None:
-        """Bring the camera to `t_ns`; takes one image when one is due (late steps do not make up for missed ones)."""
-        self._now_ns = t_ns
-        if self._due_ns is None:
-            self._due_ns = t_ns
-        if t_ns < self._due_ns:
-            return
-        self._due_ns += ((t_ns - self._due_ns) // self._period_ns + 1) * self._period_ns
-        if not self._frozen:
-            self._waiting.append(self.expose(t_ns))
-
-    def read(self) -> CameraFrame | None:
-        """The newest image that has arrived and was not yet read, or None."""
-        newest = None
-        while self._waiting and self._waiting[0].t_ns + self._latency_ns <= self._now_ns:
-            newest = self._waiting.popleft()
-        return newest
-
-    def close(self) -> None:
-        self._waiting.clear()
 
     def _draw(self, noise: Image, dice: npt.NDArray[np.int64], exposure: float) -> Image:
         if self._black:
@@ -265,27 +232,29 @@ Kind = Callable[[Lens, Array | None, np.random.Generator], tuple[Patch, ...]]
 KINDS: tuple[Kind, ...] = (lights, frames, floor_reflection, second_goal, other_target, in_the_way, glare)
 
 
+def _tape(level: float) -> tuple[float, float, float]:
+    """The tape's colour, so bright."""
+    blue, green, red = TAPE_BGR
+    return level * blue, level * green, level * red
+
+
 def _shine(random: np.random.Generator) -> tuple[float, float, float]:
     level = float(random.uniform(0.3, 1.2))
     if random.random() < 0.6:
-        blue, green, red = (level * part for part in TAPE_BGR)
-    else:
-        blue, green, red = (float(part) for part in random.uniform(20, 255, 3))
+        return _tape(level)
+    blue, green, red = random.uniform(20, 255, 3).tolist()
     return blue, green, red
 
 
 def _bar(begin: Array, end: Array, wide_px: float, level: float) -> Patch:
     along = (end - begin) / max(float(np.hypot(*(end - begin))), 1e-9)
     side = np.array([along[1], -along[0]]) * wide_px / 2
-    blue, green, red = (level * part for part in TAPE_BGR)
-    return Patch(np.array([begin + side, end + side, end - side, begin - side]), (blue, green, red))
+    return Patch(np.array([begin + side, end + side, end - side, begin - side]), _tape(level))
 
 
 def _outline_bars(outline: Array, level: float) -> tuple[Patch, ...]:
     """The tape's outline (8, 2) of truearc.hw.emulated.camera as three strips."""
-    blue, green, red = (level * part for part in TAPE_BGR)
-    return tuple(Patch(outline[list(corners)], (blue, green, red))
-                 for corners in ((0, 1, 5, 4), (1, 2, 6, 5), (3, 0, 4, 7)))
+    return tuple(Patch(outline[list(corners)], _tape(level)) for corners in ((0, 1, 5, 4), (1, 2, 6, 5), (3, 0, 4, 7)))
 
 
 def _shape(strips_m: tuple[Array, ...], lens: Lens, random: np.random.Generator,

@@ -1,4 +1,4 @@
-"""What goes wrong with a device on the bus, between two times: given as data, without chance."""
+"""Faults of a device on the bus between two times, given as data without randomness."""
 
 from msgspec import Struct
 

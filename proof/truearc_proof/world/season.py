@@ -1,11 +1,9 @@
-"""Seasons of the MuJoCo world with what a proof adds: practice, ball tracks, and marks and frames that go wrong.
+"""Seasons of the MuJoCo world with what a proof adds: practice, ball tracks, wrong marks and lost frames.
 
-`python -m truearc_proof.world.season` prints measurements of that world as tables.
+`python -m truearc_proof.world.season` prints the ratio of exit speed to wheel speed.
 """
 
 import math
-import statistics
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -17,19 +15,18 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.sim.data.dataset import Tracks
 from truearc.sim.printed import Progress
-from truearc.sim.world import season
+from truearc.sim.world import world
 from truearc.sim.world.drive import UPPER_GEAR
-from truearc.sim.world.field import CENTRE_HEIGHT_M, BallResult, Pose
+from truearc.sim.world.field import CENTRE_HEIGHT_M, Pose
 from truearc.sim.world.options import Options
 from truearc.sim.world.scene import LOWER_RADIUS_M, UPPER_RADIUS_M
-from truearc.sim.world.season import Ball, Bench, Season, ShotSetting, Trial
-from truearc.sim.world.world import World
+from truearc.sim.world.world import Ball, Bench, Season, ShotSetting, Trial, World
 
 LEVELS = ("L0", "L1", "L2")
 NOTED = ("miss-low", "miss-high", "two", "three")      # a crew that notes sides of misses alone
 HOODS_DEG = np.arange(32.0, 65.0, 4.0)
 RATIOS = np.arange(0.45, 0.86, 0.05)
-FREE_RAD_S = 594.0
+FREE_RAD_S, BALL_RADIUS_M = 594.0, 0.0889
 FAR_M = 30.0                          # no goal is in the way of practice
 NEAREST_M, FARTHEST_M = 2.4, 8.0      # from where shots are taken
 ASIDE = 0.05                          # one standard deviation of a shot's distance about the one that practice says
@@ -62,15 +59,15 @@ def play_season(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSe
                 sensors: Sensors = ORDINARY, progress: Progress = lambda done, note: None) -> Season:
     """Shoot the settings in this order with one robot on one battery. level: "L0", "L1" (telemetry), "L2" (tracks too).
 
-    As truearc.sim.world.season.play_season; without tracks and wrong marks the same arguments give the same season.
+    As truearc.sim.world.world.play_season; without tracks and wrong marks the same arguments give the same season.
     """
     if level not in LEVELS:
         raise ValueError(f"no level {level!r}; there are {', '.join(LEVELS)}")
     rng = np.random.default_rng([seed, 7])
-    trials = season.shoot(rig, options, seed, settings, season.Sensors(*sensors[:3]), rng, progress,
+    trials = world.shoot(rig, options, seed, settings, world.Sensors(*sensors[:3]), rng, progress,
                           ball_from_muzzle)
     luck = np.random.default_rng([seed, 9])           # apart: good sensors have no part of it
-    played = season.season_of(rig, seed, trials, level, _noted(trials, sensors, luck))
+    played = world.season_of(rig, seed, trials, level, _noted(trials, sensors, luck))
     if level != "L2":
         return played
     return played._replace(dataset=replace(played.dataset, tracks=_tracks(trials, sensors, rng, luck)))
@@ -170,73 +167,16 @@ def plan_season(seed: int, shots: int, nearest_m: float = NEAREST_M) -> list[Sho
     return settings
 
 
-# --- a survey of the emulated world
-
-SURVEYED = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-SCATTER_AT = ((3.0, 300.0, 45.0), (4.0, 310.0, 45.0), (5.0, 345.0, 40.0), (6.5, 390.0, 40.0), (8.0, 450.0, 38.0))
-
-
-def ideal_speed_m_s(wheel_rad_s: float) -> float:
-    """Mean surface speed of the two wheels."""
-    return 0.5 * wheel_rad_s * (LOWER_RADIUS_M + UPPER_GEAR * UPPER_RADIUS_M)
-
-
-def no_slip_spin_rev_s(wheel_rad_s: float, radius_m: float = 0.0889) -> float:
-    """Backspin of a ball that rolls on both wheels: half the difference of their surface speeds over its radius."""
-    surface_m_s = wheel_rad_s * (LOWER_RADIUS_M - UPPER_GEAR * UPPER_RADIUS_M)
-    return surface_m_s / (2.0 * radius_m) / (2.0 * math.pi)
-
-
-def recovery_s(bench: Bench, result: BallResult, within_rad_s: float = 3.0) -> float:
-    """From the ball leaving until the wheels are back within this of their speed before it."""
-    exit_s = result.exit_t_ns * 1e-9
-    off = [s.t_s for s in bench.samples
-           if s.t_s > exit_s and abs(s.wheel_rad_s - result.wheel_before_rad_s) > within_rad_s]
-    return max(off) - exit_s if off else 0.0
-
-
-def _launches() -> None:
-    print("ratio  speed/ideal  droop  spin/no-slip  exit-hood deg  exit m/s  contact ms  recovery s")
-    for ratio in SURVEYED:
-        bench = Bench(World(0, Options(scatter_scale=0.0)))
-        shot = bench.fire(ratio * FREE_RAD_S, 45.0, 1)[0]
-        for _ in range(300):
-            bench.tick(ratio * FREE_RAD_S, 45.0)
-        before = shot.wheel_before_rad_s
-        print(f"{ratio:5.2f}  {shot.exit_speed_m_s / ideal_speed_m_s(before):11.3f}"
-              f"  {1.0 - shot.wheel_after_rad_s / before:5.3f}"
-              f"  {shot.exit_spin_rev_s / no_slip_spin_rev_s(before):12.3f}  {shot.exit_deg - shot.hood_deg:13.2f}"
-              f"  {shot.exit_speed_m_s:8.2f}  {(shot.exit_t_ns - shot.fed_t_ns) * 1e-6:10.1f}"
-              f"  {recovery_s(bench, shot):10.2f}")
-
-
-def _scatter() -> None:
-    print("\ndistance m  hood deg  wheel rad/s  mean height m  sd height m  sd sideways m   (3 worlds x 24 shots)")
-    for distance_m, wheel_rad_s, hood_deg in SCATTER_AT:
-        shots = [shot for seed in range(3)
-                 for shot in Bench(World(seed, distance_m=distance_m)).fire(wheel_rad_s, hood_deg, 24)]
-        heights = [shot.z_m for shot in shots if shot.z_m is not None]
-        sides = [shot.y_m for shot in shots if shot.y_m is not None]
-        print(f"{distance_m:10.1f}  {hood_deg:8.0f}  {wheel_rad_s:11.0f}  {statistics.mean(heights):13.2f}"
-              f"  {statistics.stdev(heights):11.3f}  {statistics.stdev(sides):13.3f}")
-
-
-def _cost() -> None:
-    world, torques = World(0), {"flywheel_a": 0.3, "flywheel_b": 0.3, "hood": 0.05, "feeder": 0.0}
-    began_s = time.process_time()
-    for tick in range(1, 4001):
-        world.advance(tick * 5_000_000, torques)
-    idle_us = (time.process_time() - began_s) / 4000 * 1e6
-    bench = Bench(World(0, distance_m=5.0))
-    began_s = time.process_time()
-    bench.fire(345.0, 40.0, 24)
-    busy_us = (time.process_time() - began_s) / len(bench.samples) * 1e6
-    share = 24.0 / (bench.t_ns * 1e-9)
-    print(f"\nCPU per 5 ms tick: {idle_us:.1f} us with no ball; {busy_us:.1f} us on average at {share:.2f} shots a"
-          " second, the bench's own control included")
+def survey() -> None:
+    """Balls without scatter, at motor speeds up to the free speed."""
+    print("ratio  exit speed / wheels' mean surface speed  spin / spin without slip")
+    for ratio in (0.4, 0.5, 0.6, 0.7, 0.8, 0.9):
+        shot = Bench(World(0, Options(scatter_scale=0.0))).fire(ratio * FREE_RAD_S, 45.0, 1)[0]
+        lower, upper = (shot.wheel_before_rad_s * each for each in (LOWER_RADIUS_M, UPPER_GEAR * UPPER_RADIUS_M))
+        rolling_rev_s = (lower - upper) / (4.0 * math.pi * BALL_RADIUS_M)
+        print(f"{ratio:5.2f}  {2.0 * shot.exit_speed_m_s / (lower + upper):38.3f}  "
+              f"{shot.exit_spin_rev_s / rolling_rev_s:24.3f}")
 
 
 if __name__ == "__main__":
-    _launches()
-    _scatter()
-    _cost()
+    survey()

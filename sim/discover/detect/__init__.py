@@ -1,1 +1,1 @@
-"""Detection and localisation of a mismatch."""
+"""Detection and localization of a mismatch."""

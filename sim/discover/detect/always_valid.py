@@ -1,14 +1,14 @@
-"""A test for change since a belief that may be looked at after every shot.
+"""An always-valid test for a change since a belief, which may be evaluated after every shot.
 
-After each shot the probability of all outcomes so far, if something changed at some shot, is divided by their
-probability if nothing did. If nothing did, this ratio (an e-value) exceeds 1 / alpha at any shot of an endless session
-with probability alpha at most (Ville 1939; Ramdas et al. 2023, "Game-theoretic statistics and safe anytime-valid
-inference"). So a session may be looked at, and stopped, after any shot.
+The statistic is an e-value: the probability of all outcomes so far if something changed at some shot, divided by their
+probability if nothing changed. If nothing changed, it exceeds 1 / alpha at any shot of an endless session with
+probability at most alpha (Ville 1939; Ramdas et al. 2023, "Game-theoretic statistics and safe anytime-valid
+inference"). A session may therefore be tested, and stopped, after any shot.
 
-Both probabilities are means over the same draws of the belief's numbers from its posterior, so that an error which the
-belief admits is not a change. The changed one is also a mean over directions (every candidate term, and launch,
-distance and push), sizes and first shots; each shot costs the same. Exact in these draws; heights are linear in all
-numbers, as in the score table. Settings may follow from earlier outcomes.
+Both probabilities are means over the same posterior draws of the belief's numbers, so that an error within the belief's
+uncertainty is not a change. The numerator is also a mean over directions (every candidate term, launch, distance and
+push), sizes and first shots; the cost per shot is constant. The test is exact for these draws; heights are linear in
+all numbers, as in the score table. Settings may depend on earlier outcomes.
 """
 
 from collections.abc import Collection, Iterator
@@ -23,8 +23,12 @@ from truearc.sim.infer.likelihood.noise import LAPSE, SLIP_PER_M
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 DRAWS = 256                           # of the belief's numbers; a power of 2, by a Sobol sequence
+# Chosen, as AT_ONCE and HAZARD: the promised rate holds for any (Ville 1939). What these cost in shots to the alarm:
+# docs/measured/README.md, python -m benchmarks.follow
 SIZES = np.array([0.15, 0.4, 1.0, 2.5])       # of a change, in usual ones, either way
+# Chosen: no preference
 AT_ONCE = 0.5                         # probability that a change was there at the first shot, if there is one
+# Chosen: once in a hundred shots, a session
 HAZARD = 0.01                         # that it comes with the next shot, if it was not
 Some = Float[np.ndarray, "..."]       # of draws alone, or of draws by changes
 TAIL_SD = 8.0                        # standard deviations: in a normal tail beyond, nothing is left of a double
@@ -146,7 +150,7 @@ class _Work:
         assert self.scores.plane is not None
         seen = self.scores.plane.seen
         if seen.measured[shot]:
-            off = np.clip((seen.height_m[shot] - mean_m) / spread_m, -38.0, 38.0)
+            off = np.clip((seen.height_m[shot] - mean_m) / spread_m, -38.0, 38.0)      # no underflow
             return np.asarray((1.0 - LAPSE) * np.exp(-0.5 * off**2) / (np.sqrt(2.0 * np.pi) * spread_m)
                               + LAPSE * SLIP_PER_M)
         inner_m = seen.borders[3] if seen.borders[3] > 0.0 else seen.borders[4]

@@ -1,32 +1,32 @@
-"""Every test of a session's data, alone or against an earlier session.
+"""A battery of tests on a session's data, alone or against an earlier session.
 
-Tests are in families: terms, free changes over covariates, any pattern at all.
+The tests form families: terms, free changes over covariates, and arbitrary patterns.
 
-A simulation adopted from one session ("home") is not perfect for it either, and tracks see that. In the next session
-the same misfit would be found again, as a change. So each test is made in both sessions: under no change its score at
-home, scaled by the ratio of the two sessions' informations, is the expected score here, within the chance variation of
-both (a difference of two samples, whose signs are flipped alike). Where home has no information, as along a covariate
-that was not recorded there, the test stands as it is.
+A simulation adopted from one session ("home") does not fit that session perfectly, and tracks reveal the misfit. In the
+next session it would be found again and look like a change. Each test is therefore made in both sessions. If nothing
+has changed, the score at home scaled by the ratio of the sessions' informations is the expected score here, within the
+chance variation of both (a difference of two samples, whose signs are flipped alike). Where home has no information, as
+along a covariate that was not recorded there, the test is made without it.
 
-A change of the tracker's calibration no test can find, since every fit absorbs it: both sessions' estimates are
-compared. Their covariance is a sandwich over clusters of shots (White 1980), in which a prior of the calibration counts
-as one more observation. A change of some of the numbers is then a normal model with a closed form, averaged over which
-of them changed. A term that would draw the estimates away in the same manner (a head wind is much like a tilt) is added
-to the numbers, one at a time, and weighed against that.
+No test can find a change in the tracker's calibration, since every fit absorbs it; instead the estimates of both
+sessions are compared. Their covariance is a sandwich over clusters of shots (White 1980), in which a prior of the
+calibration counts as one more observation. A change in some of the numbers is then a normal model with a closed form,
+averaged over the subsets that may have changed. Terms that would shift the estimates in the same way (a headwind
+resembles a tilt) are added to the numbers one at a time and weighed against such a change.
 
-Does anything depend on anything? Efficient scores of the shots, and their largest, judged by flipping signs.
+The tests use efficient scores of the shots, and the largest of them is judged by flipping signs.
 
-Pure numpy. A test asks whether a channel's amplitude is w_i b with given weights w (a covariate's shape) and b not 0.
-Its score is freed of the shared parameters (Neyman's C(alpha): the part that they could explain is projected out),
-summed over the shots, and divided by the spread that the shots themselves show. Under the baseline model a shot's part
-is as likely to be negative as positive, whatever its variance and however correlated its samples are; so the same
-statistic under random signs is its null distribution, and the largest over all tests under the same signs gives the
-probability of so large a largest one (the score bootstrap: Kline and Santos 2012; max statistic: Westfall and Young
-1993). The spread is of the scores as they are, not of what an effect would leave of them: signs do not change the
-former, so that tests that rest on few shots have light tails, and do not raise the bar for all.
+A test's alternative is that a channel's amplitude is w_i b, with given weights w (a covariate's shape) and b not 0. The
+part of its score that the shared parameters could explain is projected out (Neyman's C(alpha)); the rest is summed over
+the shots and divided by their empirical spread. Under the baseline model a shot's contribution is as likely to be
+negative as positive, regardless of its variance and the correlation of its samples. The statistic under random signs
+therefore has the null distribution, and the maximum over all tests under the same signs gives the family-wise p-value
+(score bootstrap: Kline and Santos 2012; max statistic: Westfall and Young 1993). The spread is that of the scores
+themselves, not of their residuals after an effect: signs do not change it, so tests that rest on few shots have light
+tails and do not raise the threshold for all. Pure numpy.
 
-A prior of a shared parameter is one more observation of it, which errs like any other, and so has a sign of its own.
-Otherwise a test that leans on priors (one supplier's balls against another's, where each ball may differ at random)
+A prior of a shared parameter is one more observation of it, with an error like any other, and so has its own sign.
+Otherwise a test that depends on priors (one supplier's balls against another's, where each ball may differ at random)
 would mistake the priors' errors for a finding.
 """
 
@@ -42,23 +42,16 @@ from scipy.stats import f as f_distribution
 from scipy.stats import multivariate_normal
 
 from truearc.sim.discover.detect import covariates as functions
-from truearc.sim.discover.detect.covariates import (
-    SAME_SHAPE,
-    Covariate,
-    CovariatePair,
-    Factor,
-    Look,
-    WeightFunction,
-    varies,
-    weights_of,
-)
+from truearc.sim.discover.detect.covariates import SAME_SHAPE, Covariate, Factor, Look, WeightFunction, weights_of
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.printed import Progress
 
-FEWEST_SIGNS = 8.0                    # a test that rests on fewer shots is not made: their signs can hardly say 1 %
+# Derived: to be seen as well, an effect would have to be a hundred times as large
 LEAST_SHARE = 1e-4                    # of the information of a test or term that must survive the projection
+# Bounds the stretch of a shot that decides its own fit (HC2: MacKinnon and White 1985)
 MOST_LEVERAGE = 0.9
+# Chosen: more signs than FEWEST by far, so that their sum is normal
 PIECES = 30                           # that what an earlier session found of one number is split into
 TINY = 1e-300                         # what is not known at all has a root, too
 CHUNK = 250                           # sign patterns at once
@@ -161,16 +154,13 @@ def _prior_scores(evidence: ScoreTable, project: Float[Array, "q p"], total: Flo
 
 def _stretch(kappa: Float[Array, "G M"], drawn: Float[Array, "G M"]) -> Float[Array, "G M"]:
     """1 / sqrt(1 - leverage), each shot's leverage in each test as its information has it (HC2 of linear models)."""
-    leverage = drawn / np.maximum(kappa, 1e-300)
-    factor: Array = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
-    return factor
+    return np.asarray(1.0 / np.sqrt(1.0 - np.clip(drawn / np.maximum(kappa, 1e-300), 0.0, MOST_LEVERAGE)))
 
 
 def _usable(kappa: Float[Array, "G M"], raw: Float[Array, " M"]) -> Bool[Array, " M"]:
     total = kappa.sum(0)
     effective = total**2 / np.maximum((kappa**2).sum(0), 1e-300)
-    usable: Array = (total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_SIGNS)
-    return usable
+    return np.asarray((total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= functions.FEWEST))
 
 
 def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float], draws: int, seed: int,
@@ -233,6 +223,7 @@ def _least(largest: Mapping[str, Float[Array, " draws"]], weights: Mapping[str, 
     return ranks, np.min([ranks[name] / weights[name] for name in largest], axis=0)
 
 
+# Derived: home's noise is then twice this session's
 MOST = 4.0                            # times home's information that a session may have: else home's noise drowns it
 
 
@@ -258,11 +249,11 @@ class ReferenceSession:
             return np.array([codes.get(text, -1) for text in known]) if known is not None else self._all(-1)
         return self._all(np.nan) if known is None else np.asarray(known, dtype=float)
 
-    def own(self, what: Covariate | Factor | CovariatePair | None) -> Covariate | Factor | None:
+    def own(self, what: Covariate | Factor | functions.CovariatePair | None) -> Covariate | Factor | None:
         """The same as it was here; None where it did not vary, and for two together."""
         if isinstance(what, Factor):
             return Factor(what.name, what.levels, self.find(what))
-        if not isinstance(what, Covariate) or not varies(self.look.at(what)):
+        if not isinstance(what, Covariate) or not functions.varies(self.look.at(what)):
             return None
         return Covariate(((what.name, self.find(what)),))
 
@@ -283,8 +274,7 @@ class ReferenceSession:
         there = weights_of(shapes, self.look)
         found = efficient_scores(mine, column, there, np.arange(len(mine.rows)), len(mine.rows))
         said, told = _said(evidence, number, weights), _said(mine, column, there)
-        share = np.where(said <= MOST * told, said / np.maximum(told, 1e-300), 0.0)
-        return _joined(scores, found, share)
+        return _joined(scores, found, np.where(said <= MOST * told, said / np.maximum(told, 1e-300), 0.0))
 
     def among(self, fitted: LauncherFit) -> "ReferenceSession":
         """Home with the effects that `fitted` has been given since fitted there, too."""
@@ -316,7 +306,7 @@ def _joined(here: Scores, home: Scores, share: Float[Array, " q"]) -> Scores:
 
 TERMS, FREE, PATTERN = "terms", "free", "pattern"
 # How the allowance for false alarms is shared out: a name is worth most, and most of what is left out has one.
-ALLOWANCE = {TERMS: 0.6, FREE: 0.3, PATTERN: 0.1}
+ALLOWANCE = {TERMS: 0.6, FREE: 0.3, PATTERN: 0.1}  # chosen: one of twenty terms needs 0.15 deviations more than alone
 
 
 @dataclass(frozen=True)
@@ -327,7 +317,7 @@ class Test:
 
     family: str
     column: int
-    what: Covariate | Factor | CovariatePair | None
+    what: Covariate | Factor | functions.CovariatePair | None
     shape: str
     weights: Float[Array, " n"]
     form: WeightFunction = SAME_SHAPE                # behind `shape` and `weights`, to lay over another session
@@ -387,8 +377,9 @@ def _join(parts: list[Scores]) -> Scores:
                     for name in ("psi", "kappa", "stretch", "kept")))
 
 
+# Chosen: a tracker that was moved has changed in several numbers one time in ten
 ODDS = 0.1                            # a priori, of one more number that changed, or of another term instead
-LEAST = 0.05                          # probability from which a number or term is listed
+LEAST = 0.05                          # probability from which a number or term is listed; chosen: one in twenty
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,7 @@
-"""What residuals might depend on: every numeric column, what can be derived from it, and every text column.
+"""The covariates that residuals may depend on (numeric, derived and text columns), and weight functions over them.
 
-A test weighs shots by a shape: by what may depend on one covariate, on a group, on two covariates together. A shape is
-made from the session that is asked, in whose units and about whose middle it is; it can be laid over the shots of
-another session, which is looked at the same way.
+A test weights shots by a shape, a function of one covariate, of a group or of two covariates together. A shape is
+scaled and centred on the session under test; it can also be evaluated on the shots of another session.
 """
 
 import itertools
@@ -20,9 +19,11 @@ from truearc.sim.physics.simulate import LAUNCH_STATE
 
 # Results of a shot, not its settings.
 RESULTS = ("miss_height_m", "outcome", "side")
+# Chosen: only 4 % of either's variance is its own
 SAME_CORRELATION = 0.98               # |correlation| from which two columns are one covariate with two names
-FEWEST = 8                            # known values: fewer say little
-MOST_LEVELS = 20
+# Derived: of values, shots on a side, signs; with 7 signs no p is below 2 / 2^7 = 1.6 %
+FEWEST = 8
+MOST_LEVELS = 20                      # chosen: more are names of single shots, not of kinds
 # Columns behind what a term follows from shot to shot, the fittest first.
 FOLLOWED = {"battery": ("battery_v",), "since_last_shot_s": ("since_last_shot_s",), "density": ("temperature_c",),
             "closing_speed_m_s": ("robot_speed_m_s",), "hood_change": ("hood_change",), "droop": ("wheel_dip",),
@@ -135,8 +136,7 @@ def smooth_shapes(values: Each) -> Float[Array, "n shapes"]:
         last = _ramp(scaled, knots[-2], knots)
         columns += [_ramp(scaled, knot, knots) - last for knot in knots[:-2]]
     basis = np.where(known[:, None], np.stack(columns, axis=1), 0.0)
-    unit: Array = basis / np.maximum(basis.std(0), 1e-12)
-    return unit
+    return np.asarray(basis / np.maximum(basis.std(0), 1e-12))
 
 
 def spline_knots(values: Each) -> Float[Array, " knots"]:
@@ -146,13 +146,13 @@ def spline_knots(values: Each) -> Float[Array, " knots"]:
 
 
 def _quantiles(values: Each) -> Float[Array, " knots"]:
+    # near those of Harrell (2015, section 2.4.6) for five knots, the outer ones farther out: lines begin at the ends
     return np.unique(np.quantile(values, (0.02, 0.27, 0.5, 0.73, 0.98)))
 
 
 def _ramp(scaled: Each, knot: float, knots: Float[Array, " knots"]) -> Each:
     """Truncated cubes that leave the spline straight beyond the last knot."""
-    ramp: Array = (np.maximum(scaled - knot, 0.0)**3 - np.maximum(scaled - knots[-1], 0.0)**3) / (knots[-1] - knot)
-    return ramp
+    return np.asarray((np.maximum(scaled - knot, 0.0)**3 - np.maximum(scaled - knots[-1], 0.0)**3) / (knots[-1] - knot))
 
 
 def varies(values: Each) -> bool:
@@ -162,17 +162,20 @@ def varies(values: Each) -> bool:
 
 def _alike(a: Each, b: Each) -> bool:
     both = np.isfinite(a) & np.isfinite(b)
+    # chosen: a tenth may be unknown in one of them
     mostly = both.sum() >= 0.9 * max(np.isfinite(a).sum(), np.isfinite(b).sum())
     if not (mostly and varies(a[both]) and varies(b[both])):
         return False
     return bool(abs(np.corrcoef(a[both], b[both])[0, 1]) >= SAME_CORRELATION)
 
 
-FEWEST_SIDE = 8                            # shots on each side of a step, and in a group: the signs of fewer say little
-CUTS = 5
+CUTS = 5                              # chosen: sixths of the shots
 STEP = "step at "                     # followed by where
+# Random Fourier features (Rahimi and Recht 2007); more share out the allowance more thinly
 WAVES = 48                            # over planes of two covariates drawn at random
+# Chosen: half a period spans WIDEST_PLACE to either side
 WAVE_LENGTH = 1.5                     # standard deviations of a covariate to a radian
+# Derived: 1 % of normal covariates are beyond
 WIDEST_PLACE = 2.5                    # standard deviations beyond which a covariate of a pair counts as no further out
 
 
@@ -209,7 +212,7 @@ def number_shapes(covariate: Covariate, look: Look) -> list[WeightFunction]:
     nothing."""
     values = look.at(covariate)
     known = np.isfinite(values)
-    if known.sum() < FEWEST_SIDE or not varies(values):
+    if known.sum() < FEWEST or not varies(values):
         return []
     middle, width = values[known].mean(), values[known].std()
     scaled = (values - middle) / width
@@ -219,8 +222,7 @@ def number_shapes(covariate: Covariate, look: Look) -> list[WeightFunction]:
         laws.append(("bent", partial(_bent, middle, width, skew)))
     laws += [(f"{STEP}{cut:.4g}", partial(_step, cut, np.mean(values[known] > cut))) for cut in _cuts(values[known])]
     if {"exit_spin_rev_s", "exit_speed_m_s"} & set(covariate.names):
-        largest = np.abs(values[known]).max()
-        laws.append(("proportional", partial(_straight, 0.0, largest)))
+        laws.append(("proportional", partial(_straight, 0.0, np.abs(values[known]).max())))
     return [WeightFunction(covariate, name, partial(_of_number, covariate, law)) for name, law in laws]
 
 
@@ -230,7 +232,7 @@ def group_shapes(factor: Factor, look: Look) -> list[WeightFunction]:
     found = []
     for code, level in enumerate(factor.levels):
         inside = codes == code
-        if FEWEST_SIDE <= inside.sum() <= (codes >= 0).sum() - FEWEST_SIDE:
+        if FEWEST <= inside.sum() <= (codes >= 0).sum() - FEWEST:
             found.append(WeightFunction(factor, level, partial(_of_group, factor, code, inside[codes >= 0].mean())))
     return found
 
@@ -300,13 +302,11 @@ def _step(cut: float, share: float, x: Each) -> Each:
 
 
 def _product(place: Float[Array, "2 n"]) -> Each:
-    product: Array = place[0] * place[1]
-    return product
+    return np.asarray(place[0] * place[1])
 
 
 def _wave(turn: Float[Array, "2"], phase: float, place: Float[Array, "2 n"]) -> Each:
-    wave: Array = np.sqrt(2.0) * np.cos(turn @ place + phase)
-    return wave
+    return np.asarray(np.sqrt(2.0) * np.cos(turn @ place + phase))
 
 
 def _place_in(values: Each) -> Law:
@@ -327,4 +327,4 @@ def _cuts(values: Each) -> list[float]:
     middles = (ordered[1:] + ordered[:-1]) / 2.0
     wanted = np.quantile(values, np.arange(1, CUTS + 1) / (CUTS + 1.0))
     cuts = sorted({float(middles[np.abs(middles - want).argmin()]) for want in wanted})
-    return [cut for cut in cuts if FEWEST_SIDE <= (values > cut).sum() <= len(values) - FEWEST_SIDE]
+    return [cut for cut in cuts if FEWEST <= (values > cut).sum() <= len(values) - FEWEST]

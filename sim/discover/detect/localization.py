@@ -1,6 +1,6 @@
-"""Where the disagreement is: which free change carries it, in which stage, over what of covariate and flight.
+"""Localizes a mismatch: the free change, stage, covariate and part of the flight in which it appears.
 
-A free smooth correction of one channel over one covariate says what that place gains on shots that it has not seen.
+Each place is scored by the gain of a smooth correction of one channel over one covariate on held-out shots.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,8 @@ from truearc.sim.physics.term import STAGES
 Basis = Float[Array, "n q"]           # shapes of an amplitude over the shots
 Train = Bool[Array, " n"]             # the shots that are fitted to
 STEPS = 8                             # of Fisher scoring; one is exact for Gaussian evidence
-HALVINGS = 8
+HALVINGS = 8                          # of a step at most
+# A factor of ten apart; the likeliest is taken
 RIDGES = (0.0003, 0.003, 0.03, 0.3, 3.0)      # of bends, relative to what the shots say of them
 FIRM = 1e-6                           # of everything else, so that an alias of a coefficient does not run away
 
@@ -41,8 +42,7 @@ class Correction:
 
     @property
     def gain(self) -> Float[Array, " n"]:
-        gain: Array = self.log_after - self.log_before
-        return gain
+        return np.asarray(self.log_after - self.log_before)
 
 
 def correct(evidence: ScoreTable, test: Test) -> Correction:
@@ -151,8 +151,7 @@ def _normal(evidence: ScoreTable, basis: Basis, train: Train,
 def _penalty(evidence: ScoreTable, basis: Basis, train: Train, ridge: float) -> Float[Array, " q"]:
     """Ridge on each basis column: firm but tiny, and `ridge` on bends (columns from the third)."""
     said = (basis[train]**2 * evidence.info[train, 0, 0][:, None]).sum(0)
-    ridges: Array = said * np.where(np.arange(basis.shape[1]) >= 2, FIRM + ridge, FIRM)
-    return ridges
+    return np.asarray(said * np.where(np.arange(basis.shape[1]) >= 2, FIRM + ridge, FIRM))
 
 
 def _ridge(evidence: ScoreTable, test: Test, basis: Basis, train: Train) -> float:
@@ -172,10 +171,12 @@ def _ridge(evidence: ScoreTable, test: Test, basis: Basis, train: Train) -> floa
     return max(RIDGES, key=marginal)
 
 
+# Derived: as ALIAS of the terms has it, a correlation of 0.95 explains 0.95^2
 AS_GOOD = 0.9                         # of the largest gain: then the plainer description is preferred
+# Chosen: most of it; the places beside it are in doubt
 SHARE = 0.8                           # of the misfit that region and times must carry
-BINS = 6
-RESAMPLES = 400
+BINS = 6                              # chosen: fifty shots of a season each
+RESAMPLES = 400                       # a share is known to 2.5 %
 
 
 @dataclass(frozen=True)
@@ -302,8 +303,7 @@ def joint_bands(evidence: ScoreTable, bands: Sequence[int],
                 weights: Float[Array, " n"]) -> Float[Array, " bands"]:
     """Amplitude of each band when all are fitted at once to shots weighted by `weights` [n] (one for each band)."""
     info = np.einsum("n,nij->ij", weights**2, evidence.info[:, bands][:, :, bands])
-    score = weights @ evidence.score[:, bands]
-    return np.linalg.solve(info + 1e-9 * np.trace(info) * np.eye(len(bands)), score)
+    return np.linalg.solve(info + 1e-9 * np.trace(info) * np.eye(len(bands)), weights @ evidence.score[:, bands])
 
 
 def shortest_run(parts: Float[Array, " parts"]) -> tuple[int, int] | None:

@@ -1,4 +1,4 @@
-"""The investigation as an answer: truearc.finding/1."""
+"""Builds the finding of an investigation, in the format truearc.finding/1."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,20 +9,13 @@ from msgspec import UNSET, UnsetType, structs
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
-from truearc.sim.discover.decide import Search, Step, verdict_of
-from truearc.sim.discover.detect.battery import (
-    TERMS,
-    Asked,
-    Judged,
-    NumberChange,
-    can_compare,
-    compare_trackers,
-    name_of,
-)
+from truearc.sim.discover.decide import LIKELY, Search, Step, verdict_of
+from truearc.sim.discover.detect import battery
+from truearc.sim.discover.detect.battery import Asked, Judged, NumberChange, can_compare, compare_trackers, name_of
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
 from truearc.sim.discover.detect.localization import Place, contrast_of, size_weights, times_of
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
-from truearc.sim.discover.plan.next_steps import blind_terms, has_spin, measure_blind, measure_names, next_steps
+from truearc.sim.discover.next_steps import blind_terms, has_spin, measure_blind, measure_terms, next_steps
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.finding_text import say_improbable
 from truearc.sim.discover.select.simulations import end_errors, side_errors, times_off
@@ -35,9 +28,8 @@ from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import STAGES
 from truearc.sim.statistics import Z90
 
-SHOWN = 40                            # lines of the tests that the answer lists
-RANKED = 12                           # names that it lists
-UNSURE = 0.5
+SHOWN = 40                            # lines of the tests that the answer lists; chosen: a page
+RANKED = 12                           # names that it lists; chosen: a page
 
 
 def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float,
@@ -84,7 +76,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
     tracker, said, to_check = _tracker(fitted, search)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
-        threshold = judged.threshold(TERMS, false_alarm)
+        threshold = judged.threshold(battery.TERMS, false_alarm)
         blind = blind_terms(fitted.scores, threshold, among) if np.isfinite(threshold) else []
         steps_to_see = measure_blind(blind, intake.samples is not None)
         sentence = (wording.say_none(terms, judged.p_any, data.shots, false_alarm, among)
@@ -117,8 +109,8 @@ def _tracker(fitted: LauncherFit, search: Search) -> tuple[FoundEffect | UnsetTy
     what = tuple(_changed(one, among) for one in moved.numbers)
     together = [one for one, number in zip(what, moved.numbers, strict=True) if number.name in moved.together]
     found = FoundEffect(what, None if len(together) == len(what) else tuple(one.term for one in what), None)
-    return found, wording.say_tracker(found, together, moved.p_value, among), measure_names(
-        [one.term for one in what], among)
+    return found, wording.say_tracker(found, together, moved.p_value, among), measure_terms(
+        among.find([one.term for one in what]))
 
 
 def _beside_rivals(what: tuple[Named, ...], rivals: Sequence[NumberChange], among: Catalogue) -> tuple[Named, ...]:
@@ -145,8 +137,7 @@ def _improbable(fitted: LauncherFit, steps: Sequence[Step]) -> dict[str, float]:
     are what a missing effect moves."""
     if not steps:
         return improbable(fitted.model.layout, fitted.scores.point)
-    last = next((step.refit for step in reversed(steps) if not step.unknown), None)
-    found = last or fitted
+    found = next((step.refit for step in reversed(steps) if not step.unknown), None) or fitted
     return {name: value for name, value in improbable(found.model.layout, found.scores.point).items()
             if name.startswith("track_") and name not in found.names}
 
@@ -169,7 +160,7 @@ def _where(step: Step, judged: Judged, search: Search, probability: dict[str, fl
     total = sum(mass.values())
     mass = {stage: value / total if total > 0.0 else 1.0 / len(mass) for stage, value in mass.items()}
     stage = max(mass, key=lambda name: mass[name])
-    reason = None if mass[stage] > UNSURE else "stage: these data cannot tell the likely stages apart"
+    reason = None if mass[stage] > LIKELY else "stage: these data cannot tell the likely stages apart"
     covariate, direction, others = _follows(step, judged, search)
     times = None
     if evidence.plane is None or step.fitted.model.data.samples is not None:
@@ -252,8 +243,7 @@ def _results(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: fl
         rank = (max(result.p_value, false_alarm), -result.log_gain)
         if key not in best or rank < best[key][0]:
             best[key] = (rank, result)
-    ordered = sorted(best.items(), key=lambda item: item[1][0])[:SHOWN]
-    return {key: result for key, (_, result) in ordered}
+    return {key: result for key, (_, result) in sorted(best.items(), key=lambda item: item[1][0])[:SHOWN]}
 
 
 def _fit(fitted: LauncherFit, steps: Sequence[Step]) -> FitSummary:

@@ -1,4 +1,4 @@
-"""The verdict and its effects in sentences that a driver coach can act on."""
+"""Sentences on the verdict and its effects that a drive coach can act on."""
 
 import math
 import tomllib
@@ -8,24 +8,14 @@ from typing import Any
 
 from msgspec import UNSET, UnsetType
 
+from truearc.sim.discover import finding as findings
 from truearc.sim.discover.decide import form_of, gain_interval
 from truearc.sim.discover.detect.covariates import STEP, Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
-from truearc.sim.discover.finding import (
-    SIGN_DRAWS,
-    Adoption,
-    FindingRecord,
-    FitSummary,
-    FoundEffect,
-    Interval,
-    Named,
-    Unknown,
-    Where,
-)
-from truearc.sim.discover.plan.identifiability import sight_of
+from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Interval, Named, Unknown, Where
+from truearc.sim.discover.identifiability import sight_of
 from truearc.sim.infer.likelihood.score_table import ScoreTable
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue
-from truearc.sim.physics.nonparametric import Nameless
+from truearc.sim.physics.catalogue import Catalogue, Nameless, as_catalogue
 from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Phrase, Term
 from truearc.sim.printed import left_out_lines
 
@@ -136,11 +126,14 @@ def _number(value: float) -> str:
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
 SHOWN = 6
-STANDS_OUT = 0.2                      # probability of a name, from which its size is said
-RARE = 0.1                            # p up to which it is stated as one dataset in how many
+STANDS_OUT = 0.2                      # probability of a name, from which its size is said; chosen: one in five
+RARE = 0.1                            # p up to which it is stated as one dataset in how many; chosen: twice FALSE_ALARM
+# Derived: their mean square is 4, of ten by chance once in 10^5
 WIDE = 2.0                            # standard deviations by which times differ: chance hardly does that to ten
+# Measured: docs/measured/sealed.md
 TOO_SURE = 0.95                       # probability of a name by tracks, from which names were right less often
-LEAST_SHOWN = 0.005                   # probability of a name on the console: not 0 %
+LEAST_SHOWN = 0.005                   # probability of a name on the console: not 0 %; derived: rounding
+# Chosen: half of what makes it the verdict
 UNSURE = 0.25                       # probability of an unexplained effect, from which a sentence says so
 HEIGHTS = {"plane": "heights", "track end": "how high tracks end, from their first 40 %,"}
 SIDEWAYS = "how far to the side tracks end, from their first 40 %,"
@@ -257,7 +250,7 @@ def say_adopted(finding: FindingRecord, provenance: Mapping[str, Any]) -> str:
     return f"adopted: {what or 'nothing named, the fitted coefficients alone'}{but}"
 
 
-def say_points(adoption: Adoption) -> str:
+def say_points(adoption: findings.Adoption) -> str:
     """What it is worth in points, aimed by it and let through by its gate."""
     passed = [f"{share:.0%} of the shots as made" + ("" if points is None else f" at {points:.2f} points each")
               for share, points in ((adoption.fired_before, adoption.scored_before),
@@ -354,9 +347,8 @@ def say_smallest(evidence: ScoreTable, threshold: float, among: Catalogue | None
     terms = [one for one in sight_of(evidence, "", (), threshold).terms if one.smallest is not None]
     if not terms:
         return " Of no term could a test of these data have shown anything."
-    best = sorted(terms, key=lambda one: (one.smallest or 0.0) / one.usual)[:SHOWN]
     parts = [f"{plain(one.term, among)} of {size_of(one.term, one.smallest or 0.0, one.unit, among)}"
-             for one in best]
+             for one in sorted(terms, key=lambda one: (one.smallest or 0.0) / one.usual)[:SHOWN]]
     return f" Smallest effects that they would have shown, four times in five: {', '.join(parts)}."
 
 
@@ -474,7 +466,7 @@ def say_chance(p_value: float) -> str:
     """
     if p_value > RARE:
         return f"{100.0 * p_value:.0f} datasets in 100 would look this extreme"
-    least = "at most " if p_value * (1 + SIGN_DRAWS) < 1.5 else ""
+    least = "at most " if p_value * (1 + findings.SIGN_DRAWS) < 1.5 else ""
     return f"{least}1 dataset in {int(float(f'{1.0 / p_value:.2g}')):,} would look this extreme"
 
 

@@ -1,4 +1,4 @@
-"""Reports as pages and as lines on the terminal: of a finding, of what data could tell, of a plan of further shots."""
+"""Pages and terminal text that report a finding, identifiability, or a plan of further shots."""
 
 import html
 from collections import Counter
@@ -15,21 +15,13 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.decide import Step, form_of, gain_interval
 from truearc.sim.discover.detect.covariates import IN_FLIGHT, CovariatePair
 from truearc.sim.discover.finding import FindingRecord
+from truearc.sim.discover.identifiability import POWER, TAKEN, Fittable, Sight, TermIdentifiability, sight_of
 from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.plan.identifiability import TAKEN, Fittable, Sight, TermIdentifiability, sight_of
-from truearc.sim.discover.plan.next_steps import MOST_RANDOM, Block, Design
+from truearc.sim.discover.next_steps import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
+from truearc.sim.discover.report import pictures
 from truearc.sim.discover.report.finding_text import WORDING, in_words, plain, say_effect, size_of
-from truearc.sim.discover.report.pictures import (
-    View,
-    curve_png,
-    field_png,
-    flight_png,
-    halves,
-    residual_figure,
-    sight_png,
-    views_of,
-)
+from truearc.sim.discover.report.pictures import View, flight_png, halves, residual_figure, sight_png, views_of
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
 from truearc.sim.printed import make_text
@@ -38,7 +30,6 @@ from truearc.sim.statistics import POINTS_THREE
 
 MOST_SHOTS = 10_000                   # beyond which the number is no longer said
 NEXT = 4                              # effects beyond what is shown that a summary lists
-SURE = 0.8                            # power that counts as "would be seen"
 METHOD = (
     "Expected Fisher information: what is left of each effect's after the fitted coefficients, scatters and the random "
     "effects of balls (or sessions) have absorbed what they can. Seen means that truearc discover reports a mismatch "
@@ -51,8 +42,7 @@ def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
     """The table on the terminal."""
     lines = [sight_sentence(sight), ""]
     head = ("effect", "stage", "usual size", "left", "shots needed", "like")
-    rows = [_row(one, among) for one in sight.terms if one.shots_needed is not None]
-    lines += make_text(head, rows, right=(3, 4))
+    lines += make_text(head, [_row(one, among) for one in sight.terms if one.shots_needed is not None], right=(3, 4))
     lines += ["", *(f"one and the same to these data, while small: {', '.join(group)}" for group in sight.classes)]
     lines += [f"never seen: {one.term}: {why_not(one, among)}" for one in sight.terms if one.shots_needed is None]
     lines.append("fitted anyway: " + ", ".join(f"{one.name} {_uncertainty(one, one.after)}" for one in sight.fitted))
@@ -62,8 +52,8 @@ def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
 def sight_summary(sight: Sight, among: Catalogue | None = None) -> list[str]:
     """What these shots would show, and which effects the next few shots would add, in three lines at most."""
     possible = sorted((one.shots_needed, one.term, one.power) for one in sight.terms if one.shots_needed is not None)
-    shown = [plain(term, among) for _, term, power in possible if power >= SURE]
-    more = [f"{plain(term, among)} ({_shots(needed)})" for needed, term, power in possible if power < SURE]
+    shown = [plain(term, among) for _, term, power in possible if power >= POWER]
+    more = [f"{plain(term, among)} ({_shots(needed)})" for needed, term, power in possible if power < POWER]
     said = (("would be seen", shown), ("with more shots", more[:NEXT]))
     return [sight_sentence(sight), *(f"  {what}: {', '.join(names)}" for what, names in said if names)]
 
@@ -81,7 +71,7 @@ def _shots(needed: int) -> str:
 
 def sight_sentence(sight: Sight) -> str:
     """How many effects would be seen, and the one thing to keep in mind."""
-    shown = [one for one in sight.terms if one.power >= SURE]
+    shown = [one for one in sight.terms if one.power >= POWER]
     possible = [one for one in sight.terms if one.shots_needed is not None]
     more, never = len(possible) - len(shown), len(sight.terms) - len(possible)
     said = (f"{sight.shots} shots of this kind ({sight.level}) would show {len(shown)} of {len(sight.terms)} effects "
@@ -160,6 +150,7 @@ def _uncertainty(one: Fittable, sd: float) -> str:
 SCHEMA = "truearc.design/1"
 # How a shot must be like the one it is named after, where a name that competes follows a circumstance.
 AS_THEN: dict[str, str] = WORDING["as_then"]
+# Chosen: above the chance of its draws
 LEAST_GAIN = 0.01                     # probability by which a plan must raise that of one name that stands alone
 SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
 
@@ -215,8 +206,7 @@ def _measurements(table: dict[str, Any], before: float) -> list[str]:
 
 def _together(blocks: tuple[Block, ...]) -> list[Block]:
     """Blocks of one configuration as one."""
-    times = Counter(blocks)
-    return [replace(block, shots=block.shots * count) for block, count in times.items()]
+    return [replace(block, shots=block.shots * count) for block, count in Counter(blocks).items()]
 
 
 def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
@@ -230,7 +220,7 @@ def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
 HERE = files("truearc.sim.discover.report")
 STYLE = (HERE / "finding.css").read_text(encoding="utf-8")
 FINE_PRINT = (HERE / "fine_print.txt").read_text(encoding="utf-8").split("\n\n")
-MOSTLY = 0.97                         # of the improvement: then a region tells nothing new
+MOSTLY = 0.97                         # of the improvement: then a region tells nothing new; derived: rounding
 BARS = ("A bar is the probability that this effect is among those left out. Several can be, so bars may add up to more "
         "than 100 %.")
 LEVELS = {"L0": "outcomes only", "L1": "outcomes with telemetry", "L2": "tracks of the flight, or times at heights"}
@@ -283,17 +273,14 @@ def plot_residuals(investigation: Investigation) -> Figure | None:
     None: nothing that was recorded varies, or the data carry no test.
     """
     view = next(_views(investigation, investigation.steps[:1]), None)
-    return None if view is None else _figure(view, _said(view.step, investigation.catalogue))
+    return None if view is None else residual_figure(
+        view.residual, view.against, view.before.rows, _said(view.step, investigation.catalogue))
 
 
 def _views(investigation: Investigation, steps: tuple[Step, ...]) -> Iterator[View]:
     if investigation.fitted is None or investigation.asked is None:
         return iter(())
     return views_of(investigation.fitted, investigation.asked, steps, investigation.finding.where.covariate)
-
-
-def _figure(view: View, what: str) -> Figure:
-    return residual_figure(view.residual, view.against, view.before.rows, what)
 
 
 def _said(step: Step | None, among: Catalogue) -> str:
@@ -305,7 +292,7 @@ def _said(step: Step | None, among: Catalogue) -> str:
 def _free_curve(step: Step) -> str:
     """The unexplained effect itself; "" where it is the same in all shots."""
     place = step.place
-    png = None if place is None else curve_png(place)
+    png = None if place is None else pictures.curve_png(place)
     if place is None or png is None or place.test.what is None:
         return ""
     what = place.test.what
@@ -317,7 +304,8 @@ def _free_curve(step: Step) -> str:
 def _against(view: View, what: str) -> str:
     """Against the covariate that the effect goes with."""
     after = "" if view.after is None else " Where that is right, the pattern is gone in the lower picture."
-    return picture(make_png(_figure(view, what)), f"{view.residual.name} against {view.against.name}",
+    png = make_png(residual_figure(view.residual, view.against, view.before.rows, what))
+    return picture(png, f"{view.residual.name} against {view.against.name}",
                    f"Real shots less simulated ones, in bins of {in_words(view.against.name)}. Bars are one standard "
                    f"error.{after}")
 
@@ -341,7 +329,7 @@ def _field(view: View, investigation: Investigation, what: str) -> str:
     across: tuple[str, Array] = ("distance [m]", distance_m) if np.ptp(distance_m) > 0.0 else ("launch speed [m/s]",
                                                                                               speed)
     elevation = ("launch elevation [°]", np.degrees(np.asarray(lanes.rolling.elevation_rad)))
-    png = field_png(view.residual, across, elevation, what)
+    png = pictures.field_png(view.residual, across, elevation, what)
     return picture(
         png, "residual over the field", f"The same {view.residual.name}, by where and how steeply the shot was made. "
         "Numbers: the mean of a cell; colour: how many standard errors that is, so that pale ones may be chance. Cells "

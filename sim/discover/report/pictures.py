@@ -1,8 +1,8 @@
-"""Pictures of the report: residuals with and without an effect, a free curve, along the flight, over the field.
+"""The report's plots: residuals with and without an effect, along the flight and over the field, and free curves.
 
-Many shots' residual in one free number (launch speed, a push in flight) is the sum of their scores over the sum of
-their informations; in the height at the target it is the shift under which their outcomes are likeliest. All
-pictures are PHONE_IN wide, panels one below the other, so that a phone shows their letters at a legible size.
+The joint residual of many shots in one free number (launch speed, a push in flight) is the sum of their scores over the
+sum of their informations; in the height at the target it is the shift that makes their outcomes most likely. All plots
+are PHONE_IN wide with panels one below the other, so that text is legible on a phone.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,7 @@ from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.battery import Asked
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, followed_column
 from truearc.sim.discover.detect.localization import Place, curve_of, joint_bands
-from truearc.sim.discover.plan.identifiability import Sight
+from truearc.sim.discover.identifiability import Sight
 from truearc.sim.discover.report.finding_text import plain, scale_of
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood import observations as outcomes
@@ -88,8 +88,7 @@ def _uphill(value: Float[Array, " shifts"], start: int) -> int:
     """Index of the summit that one comes to from `start`."""
     here = start
     while True:
-        near = range(max(here - 1, 0), min(here + 2, len(value)))
-        best = max(near, key=lambda k: value[k])
+        best = max(range(max(here - 1, 0), min(here + 2, len(value))), key=lambda k: value[k])
         if value[best] <= value[here]:
             return here
         here = best
@@ -131,11 +130,7 @@ def evidence_after(step: Step) -> ScoreTable:
         return step.fitted.beside(step.refit).scores
     if step.place is None:
         return step.fitted.scores
-    return corrected(step.fitted.scores, step.place)
-
-
-def corrected(evidence: ScoreTable, place: Place) -> ScoreTable:
-    """The evidence after the place's free curve."""
+    evidence, place = step.fitted.scores, step.place
     change = np.zeros_like(evidence.score)
     change[:, place.test.column] = place.correction.after[:, 0]
     change[:, evidence.first_shared:] = place.correction.after[:, 1:]
@@ -161,15 +156,6 @@ def residuals_of(before: ScoreTable, after: ScoreTable | None, tracked: bool) ->
 def _linear(evidence: ScoreTable, name: str) -> LinearResiduals:
     k = evidence.index(name)
     return LinearResiduals(evidence.score[:, k], evidence.info[:, k, k])
-
-
-def covariates_in(asked: Asked) -> tuple[Along, ...]:
-    """Everything that tests were made along, by itself, each once."""
-    found: dict[str, Along] = {}
-    for test in asked.tests:
-        if isinstance(test.what, Covariate | Factor):
-            found.setdefault(test.what.name, test.what)
-    return tuple(found.values())
 
 
 def find_along(name: str | None, along: Sequence[Along]) -> Along | None:
@@ -238,13 +224,6 @@ def stated_covariate(step: Step, along: Sequence[Along], first: str | None) -> s
     return first if step.base == () else None
 
 
-def stage_of(step: Step) -> str | None:
-    """Where the step's effect happens: by its name, or by the free change that carries it."""
-    if not step.unknown:
-        return step.column.stage
-    return None if step.place is None else step.place.column.stage
-
-
 @dataclass(frozen=True)
 class View:
     """The residual and the covariate in which an effect shows best; step None: nothing was found. stated: the covariate
@@ -260,11 +239,14 @@ class View:
 
 def views_of(fitted: LauncherFit, asked: Asked, steps: Sequence[Step], first: str | None) -> Iterator[View]:
     """One view per step, or one of the fit alone; none where nothing that was recorded varies."""
-    along = covariates_in(asked)
+    single = (test.what for test in asked.tests if isinstance(test.what, Covariate | Factor))
+    along = tuple({what.name: what for what in single}.values())
     for step in steps or (None,):
         before, after, stated, stage = fitted.scores, None, None, None
         if step is not None:
-            before, after, stage = step.fitted.scores, evidence_after(step), stage_of(step)
+            before, after = step.fitted.scores, evidence_after(step)
+            where = step.column if not step.unknown else None if step.place is None else step.place.column
+            stage = None if where is None else where.stage
             stated = find_along(stated_covariate(step, along, first), along)
         chosen = choose(residuals_of(before, after, fitted.model.data.samples is not None),
                         along if stated is None else (stated,), before.rows, stage)
@@ -330,7 +312,7 @@ def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> N
     elif len(bins.middle) <= 3:
         axes.set_xticks(bins.middle, [f"{middle:.3g}" for middle in bins.middle])
     axes.margins(x=0.08)
-    _clean(axes)
+    axes.tick_params(labelsize=9)
 
 
 def curve_png(place: Place) -> bytes | None:
@@ -351,7 +333,7 @@ def curve_png(place: Place) -> bytes | None:
         _curve(axes, what, rows, value, reach)
         axes.axhline(0.0, color=INK, lw=0.9)
         axes.set(xlabel=_worded(what.name), ylabel=f"change of {column.name}\n[{unit.strip()}]")
-    _clean(axes)
+    axes.tick_params(labelsize=9)
     return make_png(figure)
 
 
@@ -407,7 +389,7 @@ def _band_panel(axes: Axes, direction: str, series: Series, chosen: Bool[Array, 
         shift = (number - 0.5 * (len(series) - 1)) * 0.25 * np.diff(spans, axis=1)[:, 0]
         axes.errorbar(spans.mean(1) + shift, amplitude, error, fmt="o", ms=5, color=colour, elinewidth=1.4, capsize=2,
                       label=label)
-    _clean(axes)
+    axes.tick_params(labelsize=9)
 
 
 def _band_errors(evidence: ScoreTable, bands: Sequence[int], chosen: Bool[Array, " n"],
@@ -452,8 +434,7 @@ def _cells(part: Part, settings: tuple[Each, Each], edges: Edges) -> tuple[Cells
     index = np.ravel_multi_index(place, (len(edges[0]) - 1, len(edges[1]) - 1))
     shape = tuple(len(edge) - 1 for edge in edges)
     value, error = binned(part, Bins("cell", index, np.zeros(int(np.prod(shape)))))
-    rare = np.bincount(index, minlength=len(value)) < FEWEST_SHOTS
-    value[rare] = np.nan
+    value[np.bincount(index, minlength=len(value)) < FEWEST_SHOTS] = np.nan
     return value.reshape(shape), np.maximum(error, 1e-12).reshape(shape)
 
 
@@ -490,12 +471,8 @@ def sight_png(sight: Sight, among: Catalogue | None = None) -> bytes | None:
     stages = [stage for stage in STAGE_COLOURS if any(one.stage == stage for one in seen)]
     figure.legend(handles=[Patch(color=STAGE_COLOURS[stage], label=stage) for stage in stages], frameon=False,
                   loc="outside upper right", ncols=len(stages), fontsize=8.5, handlelength=1.0, columnspacing=1.0)
-    _clean(axes)
-    return make_png(figure)
-
-
-def _clean(axes: Axes) -> None:
     axes.tick_params(labelsize=9)
+    return make_png(figure)
 
 
 def _worded(name: str) -> str:

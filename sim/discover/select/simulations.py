@@ -1,22 +1,22 @@
-"""Simulations that may be adopted, and what their forecasts of hold-out shots are worth.
+"""Candidate simulations for adoption, and the value of their forecasts of hold-out shots.
 
-Averages: a name that is one of several likely ones forgoes what the others know, and is often the wrong one
-(Hoeting et al. 1999). An average of forecasts is not a simulation, and numbers averaged name by name were never fitted;
-but there is a simulation that forecasts nearly the same. An unexplained effect is held by a nameless term along its
+Averages: choosing one of several likely names discards the information of the others and is often wrong (Hoeting et al.
+1999). An average of forecasts is not a simulation, and numbers averaged over names were never fitted, but a single
+simulation can forecast nearly the same. An unexplained effect is represented by an unnamed term that follows the fitted
 free curve.
 
-Aim. A ball misses the height that a belief forecasts for it by some error. Had the motors run at the speed that the
-belief asks for from that place with that hood, it would have missed the centre by this very error, as long as the error
-does not change between the two speeds. So the error of a hold-out shot's forecast is the miss of the aimed ball, and
-the model serves for the difference of two neighbouring set points alone (as in doubly robust off-policy evaluation,
-Dudik et al. 2014). An outcome leaves the error open within its class: there it is spread as both beliefs have it, each
-a priori as likely.
+Aim: a ball misses its forecast height by some error. At the speed that the belief requires for that place and hood, it
+would have missed the centre by the same error, provided that the error does not change between the two speeds. The
+forecast error of a hold-out shot is therefore the miss of the aimed ball, and the model provides only the difference
+between two neighbouring set points (as in doubly robust off-policy evaluation, Dudik et al. 2014). An outcome does not
+determine the error within its class; there, the error follows the mixture of the two beliefs' distributions, with equal
+prior weights.
 
-Gate. It lets the aimed ball through where the belief's P(three) is high enough. A held ball is not lost: it counts what
-the threshold says that it is worth, three points times the least probability for which it would be fired. How the gate
-judges shots as they were made is reported, and does not count: it would speak for a belief that overrates them.
+Gate: it passes the aimed ball if the belief's P(three) is high enough. A held ball is not lost: it counts as three
+points times the threshold, the lowest probability for which it would be fired. The gate's judgement of the shots
+actually fired is reported but does not count, since it would favour a belief that overrates them.
 
-Every shot is judged by fits to the other folds.
+Every shot is judged with fits to the other folds.
 """
 
 import math
@@ -45,6 +45,7 @@ from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTa
 from truearc.sim.physics.simulate import LAUNCH_STATE
 from truearc.sim.statistics import POINTS_THREE, POINTS_TWO, invert
 
+# Chosen: the rest is long enough for forces to show
 FORECAST = 0.4                        # of a track's samples: from these its end is forecast
 
 
@@ -105,7 +106,8 @@ def track_errors(fit: LauncherFit, change: Float[Array, "n P"], share: float = F
     return errors
 
 
-THRESHOLD = 0.3                       # of P(three), as launcher.toml ships it
+THRESHOLD = 0.3                       # of P(three), as launcher.toml ships it; source: gate.threshold there
+# Chosen: seven of each class
 FEWEST = 20                           # outcomes by which forecasts are compared with plain shares
 
 
@@ -177,8 +179,7 @@ def _doubt(model: LauncherFit, plane: PlaneScores, known: Float[np.ndarray, "P P
     place = evidence.deal.place[plane.rows]
     group = np.array([column.kind == "group" for column in evidence.columns])
     by = np.where(group[place], 0.0, plane.by_column)
-    covariance = invert(evidence.precision + known)
-    own = covariance[place[:, :, None], place[:, None, :]]
+    own = invert(evidence.precision + known)[place[:, :, None], place[:, None, :]]
     return np.asarray(np.maximum(np.einsum("mi,mij,mj->m", by, own, by), 0.0))
 
 
@@ -216,8 +217,7 @@ def shares_beaten(seen: OutcomeObservations, mine: HoldOut) -> float | None:
     if known.sum() < FEWEST or len(level) < 2:
         return None
     chance = (1.0 - LAPSE) * _share(seen.low, seen.high, mine).sum(1)[known] + LAPSE / 3.0
-    plain = count[np.searchsorted(level, seen.classes[known])] / known.sum()
-    gain = np.log(chance) - np.log(plain)
+    gain = np.log(chance) - np.log(count[np.searchsorted(level, seen.classes[known])] / known.sum())
     return float(gain.mean() / (gain.std() / math.sqrt(len(gain)) + 1e-12))
 
 
@@ -242,9 +242,11 @@ def _within(half_m: float, one: HoldOut) -> Float[np.ndarray, " m"]:
     return np.asarray(ndtr((half_m - one.mean_m) / one.sd_m) - ndtr((-half_m - one.mean_m) / one.sd_m))
 
 
+# Chosen: moves the average by less than 2 % of an effect
 LEAST_SHARE = 0.02                          # share of the probability below which a name has no part
 AVERAGE_STEPS = 8
 ENOUGH = 1e-3                         # of what is left between both, that a step must take away
+# Chosen: a tenth of the prior, so that heights decide wherever they tell names apart
 FAITH = 0.1                           # weight of the prior about the averaged numbers: it decides between names alike
 
 
@@ -335,9 +337,8 @@ def _left(evidence: ScoreTable, wanted: PlaneScores, free: Int[Array, " free"], 
     return plane.by_column[kept][:, free] / wanted.spread_m[kept, None], missing, (start - evidence.point)[free]
 
 
-MOST_CURVES = 3                              # curves
+MOST_CURVES = 3                       # curves; bounds the work
 BEFORE = frozenset(("distance_m", "hood_deg", "motor_ratio", *LAUNCH_STATE))
-HALF = 0.5
 UNABLE = "no simulation of single shots can hold the unexplained effect"
 APART = ("scatter.", "curve.")        # columns that are not coefficients, beside those of a tracker's errors
 
@@ -430,7 +431,7 @@ def _foreseeable(fitted: LauncherFit, correction: Correction, search: Search) ->
     test = asked.tests[max(others, key=lambda k: gain[k])]
     assert isinstance(test.what, Covariate)
     other = correct(fitted.scores, replace(test, what=test.what.led_by(BEFORE)))
-    return other if other.gain.sum() >= HALF * correction.gain.sum() else correction
+    return other if other.gain.sum() >= 0.5 * correction.gain.sum() else correction
 
 
 def freed(fitted: LauncherFit, correction: Correction) -> Freed | None:
@@ -457,16 +458,13 @@ def _what_is_left(fitted: LauncherFit, search: Search) -> Correction | None:
     if left is None:
         return None
     asked, judged = left
-    able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and _can(fitted, test)], dtype=int)
+    able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and term_of(
+        fitted.scores.columns[test.column], fitted.model.layout) is not None], dtype=int)
     if not len(able):
         return None
-    best = able[judged.gain[able].argmax()]      # not the plainest: what it leaves would be found again
-    correction = correct(fitted.scores, asked.tests[best])
+    # not the plainest: what it leaves would be found again
+    correction = correct(fitted.scores, asked.tests[able[judged.gain[able].argmax()]])
     return correction if clearly(correction.gain, fitted) else None
-
-
-def _can(fitted: LauncherFit, test: Test) -> bool:
-    return term_of(fitted.scores.columns[test.column], fitted.model.layout) is not None
 
 
 def _fly(fitted: LauncherFit, correction: Correction, term: str, values: dict[str, float],
@@ -501,11 +499,7 @@ def _curve(correction: Correction) -> Curve | None:
                      levels=tuple(what.levels[k] for k in seen))
     if isinstance(what, CovariatePair) or not isinstance(what, Covariate):
         return None
-    return _spline(what, rows, amplitude, otherwise)
-
-
-def _spline(what: Covariate, rows: Int[Array, " n"], amplitude: Float[Array, " n"], otherwise: float) -> Curve:
-    """Values at the fit's own knots: between them the fit is that very spline."""
+    # values at the fit's own knots: between them the fit is that very spline
     x = what.values[rows]
     said = np.isfinite(x)
     knots = spline_knots(x[said])

@@ -1,11 +1,10 @@
-"""Terms ranked: one step for all, true refits of the likely, what is known of an amplitude beside the shots.
+"""Ranks candidate terms: one step for all, true refits of the likely ones, and measurements of their amplitudes.
 
-Every term competes with a normal prior on its amplitude, of the size that such effects usually have: so a term that
-would have to be absurdly large to explain the data loses to one that need not, and beyond what the term allows it
-cannot win at all.
+Every term competes with a normal prior on its amplitude, of the usual size of such effects. A term that would have to
+be absurdly large to explain the data thus loses to a smaller one, and a term cannot win beyond its permitted range.
 
-The evidence of a term is worked out with a normal prior of its usual size. Its own prior has several sizes, and no
-place outside its range.
+The evidence of a term is computed with a normal prior of its usual size. Its own prior has several sizes and is zero
+outside its range.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,6 +25,8 @@ from truearc.sim.physics.catalogue import find_parameter, find_terms
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Progress
 
+# Measured at L1 (seed 701), with ranges and sides of the terms: wrong single names 1 of 16 instead of 3, truth in the
+# set .93 instead of .87 of 61 (git show archive-1:archive/measurements.md)
 TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # of a term's amplitude, by the usual one
 
 
@@ -43,8 +44,7 @@ def nats_in_range(fitted: LauncherFit, name: str, amplitude: float, sd: float, u
     """Nats by which the amplitude's own prior differs from the normal one that its evidence was worked out with: the
     range of its parameter, the side that nature prefers, the size that a law of physics gives it."""
     ends = _ends(fitted, name)
-    after = ndtr((ends[1] - amplitude) / sd) - ndtr((ends[0] - amplitude) / sd)
-    if after < 1e-12:
+    if ndtr((ends[1] - amplitude) / sd) - ndtr((ends[0] - amplitude) / sd) < 1e-12:
         own = ndtr(ends[1] / usual) - ndtr(ends[0] / usual)
         return float(max(log_ndtr(min((ends[1] - amplitude) / sd, (amplitude - ends[0]) / sd)), -50.0) - np.log(own))
     places, density = _density(fitted, name, amplitude, sd, usual)
@@ -131,18 +131,23 @@ def by_own_prior(fitted: LauncherFit, found: LauncherFit,
     return replace(again, sd=np.maximum(again.sd, found.sd))       # which has the uncertainty of the term's shape
 
 
-REFITTED = 8                          # of the likeliest terms
+REFITTED = 8                          # of the likeliest terms; bounds the work
+# Derived: a thousandth as likely
 WITHIN = 7.0                          # nats of the likeliest by one step, beyond which none is refitted,
-SHARE = 0.5                           # or this share of its nats: one step is a poor guide to large effects
+SHARE = 0.5                           # or this share of its nats: one step is a poor guide to large effects; chosen
+# Derived: either explains 0.95^2 = 90 % of what the other does
 ALIAS = 0.95                          # correlation of two efficient slopes from which only words part them
+# Derived: a likelihood interval of 95 % ends at 1.92 (Wilks 1938), rounded
 TOLD_APART = 2.0                      # nats by which one of two such fits the better, all the same
+# The promise; how often it is kept: docs/measured/sealed.md, python -m benchmarks.proof
 SURE = 0.9                            # probability of one name, or that a set holds of what is explained
 SCAN = (-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)     # usual sizes that are flown where the fit is lost,
 FIRM = 100.0                          # and from which a refit starts, hardly drawn towards zero
 BUSY = 1e-12                          # information, below which nothing in the data depends on a term
+# Derived: 1.5 deviations of the largest of TERM_SIZES
 MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not what its name says,
-SPARE_SD = 2.0                           # by more standard deviations than this
-NEVER = -1e3                          # nats
+SPARE_SD = 2.0                        # by more standard deviations than this; chosen: about 95 %
+NEVER = -1e3                          # nats; beside it nothing else is as unlikely
 
 
 @dataclass(frozen=True)
@@ -223,11 +228,6 @@ def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Float[Array, 
                                nats_for(score[number], information, usual), visible))
     size = np.sqrt(np.maximum(np.diag(left), BUSY))
     return tuple(found), left / np.outer(size, size)
-
-
-def visible_terms(evidence: ScoreTable) -> Int[Array, " k"]:
-    """Columns of terms of which the shots say anything that the shared ones could not."""
-    return np.array([one.column for one in one_step(evidence)[0] if one.visible], dtype=int)
 
 
 def nats_for(score: Any, information: float, usual: float) -> Any:
@@ -336,7 +336,8 @@ def is_possible(found: LauncherFit, *usual: float) -> bool:
 
 
 def tame(candidate: Candidate, evidence: ScoreTable) -> float:
-    """The one-step amplitude, drawn towards zero as its prior would, and no larger than three usual ones."""
+    """The one-step amplitude, drawn towards zero as its prior would, and no larger than three usual ones, the largest
+    that SCAN flies."""
     usual = evidence.columns[candidate.column].usual
     shrunk = candidate.amplitude * candidate.information / (candidate.information + usual**-2.0)
     return float(np.clip(shrunk, -3.0 * usual, 3.0 * usual))

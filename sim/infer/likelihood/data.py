@@ -1,4 +1,4 @@
-"""A dataset as arrays for the chain and the likelihood: what was believed of each shot, and what was seen of it."""
+"""A dataset as arrays for the forward model and the likelihood: each shot's assumed configuration and its data."""
 
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -9,37 +9,19 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Believe, Noise, Rig
-from truearc.sim.data.columns import SPIN_VECTOR
-from truearc.sim.data.conditions import ORDINARY, Circumstances, circumstances_of, counts_shots, gather_circumstances
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data import dataset as conditions
+from truearc.sim.data.dataset import ORDINARY, Circumstances, Dataset, Shots
+from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.infer.belief import Curves, along
+from truearc.sim.infer.likelihood import noise
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, ShotBatch
-from truearc.sim.infer.likelihood.noise import (
-    EXIT_DEG,
-    EXIT_SPEED_M_S,
-    EXIT_SPIN_REV_S,
-    FREE_PLACE_M,
-    FREE_SPEED_M_S,
-    LEAD_S,
-    PLACE_M,
-    SPIN_SHARE,
-)
 from truearc.sim.infer.likelihood.observations import OutcomeObservations, Samples, Scatter, samples_of, see_outcomes
 from truearc.sim.infer.likelihood.score_table import Array
-from truearc.sim.physics.simulate import (
-    by_wheels,
-    exit_no_slip,
-    has_wheels,
-    is_opposed,
-    launch_of,
-    launch_state,
-    own_balls,
-    require,
-    roll,
-)
+from truearc.sim.physics import simulate
+from truearc.sim.physics.simulate import has_wheels, is_opposed, launch_of, launch_state, own_balls, require, roll
 from truearc.sim.physics.term import Exit
 
-FEWEST_SHOTS = 10                     # by which a simulation is judged
+FEWEST_SHOTS = 10                     # by which a simulation is judged; chosen: twice the numbers of a usual belief
 
 Which = Bool[np.ndarray, " n"]
 
@@ -119,8 +101,8 @@ def _circumstance_columns(dataset: Dataset) -> dict[str, Each]:
     """What terms follow and no column says as it is: the way the hood came, the wheels' dip, the ball's earlier shots.
     """
     wanted = {"hood_change": "hood_change", "droop": "wheel_dip"}
-    wanted |= {"age": WORN} if counts_shots(dataset.shots) else {}
-    found = gather_circumstances(dataset)
+    wanted |= {"age": WORN} if conditions.counts_shots(dataset.shots) else {}
+    found = conditions.gather_circumstances(dataset)
     return {name: np.where(found[field].said, found[field].value, np.nan) for field, name in wanted.items()}
 
 
@@ -155,7 +137,7 @@ def _energy_column(columns: dict[str, Each]) -> dict[str, Each]:
     return {ENERGY: np.sum(drops, axis=0)}
 
 
-SLOWEST_M_S = 0.1                     # a slower launch goes nowhere, whatever its uncertainty
+SLOWEST_M_S = 0.1                     # a slower launch goes nowhere, whatever its uncertainty; bounds 1 / speed
 
 
 class Given(NamedTuple):
@@ -192,10 +174,10 @@ def given_of(rig: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) ->
     """
     speed_m_s = shots.number("exit_speed_m_s")
     by_camera, spin_seen = (~np.isnan(shots.number(name)) for name in ("exit_deg", "exit_spin_rev_s"))
-    exit, rolled, distance_m = launch_of(rig, shots), by_wheels(shots), require(shots, "distance_m")
+    exit, rolled, distance_m = launch_of(rig, shots), simulate.by_wheels(shots), require(shots, "distance_m")
     log_speed, spin_rev_s = _by_deviation(rig, exit, ~np.isnan(speed_m_s), spin_seen)
     return Given(exit, rolled, ~by_camera, ~spin_seen, distance_m, log_speed, spin_rev_s,
-                 np.radians(np.where(by_camera, EXIT_DEG, rig.noise.hood_deg)),
+                 np.radians(np.where(by_camera, noise.EXIT_DEG, rig.noise.hood_deg)),
                  np.full(len(shots), rig.noise.distance_m), circumstances)
 
 
@@ -213,9 +195,8 @@ def _by_deviation(rig: Rig, exit: Exit, speed_seen: Bool[np.ndarray, " n"],
     per_m_s = 1.0 / np.maximum(exit.speed_m_s, SLOWEST_M_S)
     zero = np.zeros_like(per_m_s)
     speed = np.outer(~speed_seen * per_m_s, one_speed)
-    spin = np.outer(~spin_seen, one_spin)
-    return (np.column_stack([speed, speed_seen * per_m_s * EXIT_SPEED_M_S, zero]),
-            np.column_stack([spin, zero, spin_seen * EXIT_SPIN_REV_S]))
+    return (np.column_stack([speed, speed_seen * per_m_s * noise.EXIT_SPEED_M_S, zero]),
+            np.column_stack([np.outer(~spin_seen, one_spin), zero, spin_seen * noise.EXIT_SPIN_REV_S]))
 
 
 NONE: Curves = {}
@@ -290,7 +271,7 @@ def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS)
     part = _Part(rig, shots.take(rows), wheels[rows], hood[rows], launched[rows])
     told = np.isin(np.arange(len(shots)), marked)
     left_out = [*dataset.left_out, *notes, *say_left_out(rig, shots, use, told, tracked)]
-    around = circumstances_of(dataset)
+    around = conditions.circumstances_of(dataset)
     if curves:
         around = along(curves, around, every_column(dataset), len(shots))
     lanes, noise_var, scattered = _lanes(part, _pick(around, rows), samples, place)
@@ -350,17 +331,17 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
     mass_kg, radius_m = own_balls(part.rig, shots) or (np.full(n, usual.mass_kg), np.full(n, usual.radius_m))
     lanes = ShotBatch(rolling, side, given.rolled & part.launched, given.hooded & part.launched, free, mass_kg,
                       radius_m, given.distance_m, circumstances, start_m, start_m_s, spin, lead_s, time_s)
-    noise = np.zeros((n, len(DEVIATES)))
-    noise[:, 0] = np.where(free, 0.0, (given.wheel_log_speed**2).sum(1))
-    noise[:, 1] = np.where(free, 0.0, given.elevation_sd_rad**2)
+    variance = np.zeros((n, len(DEVIATES)))
+    variance[:, 0] = np.where(free, 0.0, (given.wheel_log_speed**2).sum(1))
+    variance[:, 1] = np.where(free, 0.0, given.elevation_sd_rad**2)
     spinning = np.maximum(np.abs(np.asarray(given.rolling.spin_rev_s)), 0.5)
-    noise[:, 3] = SPIN_SHARE**2 + np.where(free, 0.0, (given.wheel_spin_rev_s**2).sum(1) / spinning**2)
+    variance[:, 3] = noise.SPIN_SHARE**2 + np.where(free, 0.0, (given.wheel_spin_rev_s**2).sum(1) / spinning**2)
     timed = samples is not None and samples.clock_s is not None
-    noise[:, 5] = np.where(free | timed, 0.0, LEAD_S**2)
-    noise[:, 8:11] = np.where(free & ~timed, FREE_PLACE_M, PLACE_M)[:, None]**2
-    noise[:, 11:14] = np.where(free & ~timed, FREE_SPEED_M_S, 0.0)[:, None]**2
+    variance[:, 5] = np.where(free | timed, 0.0, noise.LEAD_S**2)
+    variance[:, 8:11] = np.where(free & ~timed, noise.FREE_PLACE_M, noise.PLACE_M)[:, None]**2
+    variance[:, 11:14] = np.where(free & ~timed, noise.FREE_SPEED_M_S, 0.0)[:, None]**2
     filmed = np.full(n, samples is not None and not timed)
-    return lanes, noise, np.stack([given.rolled & ~free, given.hooded & ~free, ~free,
+    return lanes, variance, np.stack([given.rolled & ~free, given.hooded & ~free, ~free,
                                    np.broadcast_to(given.distance_sd_m**2, n), filmed, filmed], axis=1) * 1.0
 
 
@@ -385,8 +366,7 @@ def _wheel_spin(part: _Part) -> Float[Array, "n 3"]:
     """Spin [n, 3] by all wheels in rev/s about (ahead, left, up); nan where a wheel's speed is unknown."""
     surface = np.stack([part.shots.number(f"wheel_{wheel.name}_rad_s") * wheel.radius_m
                         for wheel in part.rig.launcher.wheel], axis=1)
-    spin_rev_s: Array = exit_no_slip(part.rig, surface)[1] / (2.0 * np.pi)
-    return spin_rev_s
+    return np.asarray(simulate.exit_no_slip(part.rig, surface)[1] / (2.0 * np.pi))
 
 
 def _starts(part: _Part, rolling: Exit, samples: Samples | None, place: Int[Array, " shots"]
@@ -413,8 +393,7 @@ def _starts(part: _Part, rolling: Exit, samples: Samples | None, place: Int[Arra
 def _free_spin(part: _Part, velocity_m_s: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
     """Spin [n, 3] in rev/s of flights with unknown launch: as measured (whole, or backspin), else by the wheels, else
     none."""
-    speed = np.maximum(np.linalg.norm(velocity_m_s, axis=1, keepdims=True), 1e-9)
-    ahead = velocity_m_s / speed
+    ahead = velocity_m_s / np.maximum(np.linalg.norm(velocity_m_s, axis=1, keepdims=True), 1e-9)
     level = np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-9)
     left = np.stack([-ahead[:, 1] / level, ahead[:, 0] / level, np.zeros(len(ahead))], axis=1)
     measured = part.shots.number("exit_spin_rev_s")
@@ -441,8 +420,8 @@ def _exits(part: _Part) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
     speed, deg, spin_rev_s = (_measured(part.shots.number(name), where & part.launched) for name, where in (
         ("exit_speed_m_s", part.wheels), ("exit_deg", part.hood), ("exit_spin_rev_s", part.wheels)))
     exits = np.stack([np.log(np.where(speed > 0.0, speed, np.nan)), np.radians(deg), spin_rev_s], axis=1)
-    sd = np.stack([EXIT_SPEED_M_S / np.where(speed > 0.0, speed, 1.0),
-                   np.full(len(speed), np.radians(EXIT_DEG)), np.full(len(speed), EXIT_SPIN_REV_S)], axis=1)
+    sd = np.stack([noise.EXIT_SPEED_M_S / np.where(speed > 0.0, speed, 1.0),
+                   np.full(len(speed), np.radians(noise.EXIT_DEG)), np.full(len(speed), noise.EXIT_SPIN_REV_S)], axis=1)
     return exits, sd
 
 

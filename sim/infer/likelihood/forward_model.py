@@ -1,7 +1,7 @@
-"""From the sensors' readings of a shot to the height at the plane and the track, differentiable in everything that
-could be wrong (JAX): parameters of all terms, deviations of the single launch, free pushes.
+"""The forward model of a shot (JAX), from sensor readings to the height at the plane and the track.
 
-sensed configuration -> sensing terms -> launch terms -> the launch's own deviation -> flight -> arrival, watch terms
+It is differentiable in the parameters of all terms, the deviations of the single launch, and free pushes. Its stages:
+sensed configuration -> sensing terms -> launch terms -> launch deviation -> flight -> arrival, watch terms.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,26 +19,24 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.compute import each_core
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Circumstances
 from truearc.sim.infer.belief import resized
 from truearc.sim.physics import catalogue as stages
-from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, effective, find_terms
+from truearc.sim.physics.catalogue import BUILT_IN, CURVE, Catalogue, effective, find_terms
 from truearc.sim.physics.flight import AHEAD, SHARE, SLOWEST_M_S, Law, apart, make_law, together
-from truearc.sim.physics.nonparametric import CURVE
-from truearc.sim.physics.term import DIRECTIONS, BallState, Exit, InFlight, Opening
-from truearc.sim.physics.vector import Vec, add, axes
+from truearc.sim.physics.term import DIRECTIONS, BallState, Exit, InFlight, Opening, Vec, add, axes
 
 # How one shot differs from its configuration. The last three are of flights whose launch is unknown.
 DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance_m", "lead_s",
             "drag_share", "spin_ratio", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
-PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 11
+PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 11  # how many of them there are at the plane, and where the launch is known
 PLANE_STEPS = 16                      # Runge-Kutta over x: heights within 1e-4 m, far below any spread
 PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
 BLOCK = 64                            # and at most this number at once: more do not fit the caches
 POINTS = 64                           # likewise, of parameters at which heights are asked for
-WIDTH = 12                            # slopes that are flown together
-LEAD_STEPS = 3                        # from the launch to the first sample of its track
-TINY_M_S = 1e-9                       # of a ball that falls straight down
+WIDTH = 12                            # slopes that are flown together; bounds memory and compilations
+LEAD_STEPS = 3                        # from the launch to the first sample of its track; Runge-Kutta
+TINY_M_S = 1e-9                       # of a ball that falls straight down; bounds 1 / speed
 LOWEST_M = -6.0                       # below the floor: no height there could be a hit
 
 Slot = tuple[str, str]                # term, parameter
@@ -276,8 +274,7 @@ def _leave(chain: Chain, rig: Rig, values: Mapping[str, Any], lane: ShotBatch,
     elevation = jnp.where(lane.hooded, exit.elevation_rad, sensed.elevation_rad)
     speed = speed * jnp.exp(deviate[0])
     spin = spin * (1.0 + deviate[3]) + deviate[7] * speed / (2.0 * jnp.pi * rig.ball.radius_m)
-    leaving = Exit(speed, elevation + deviate[1], spin, exit.above_m)
-    return leaving, distance_m + deviate[4]
+    return Exit(speed, elevation + deviate[1], spin, exit.above_m), distance_m + deviate[4]
 
 
 def _start(rig: Rig, lane: ShotBatch, exit: Exit, deviate: Float[jax.Array, "14"]) -> BallState:

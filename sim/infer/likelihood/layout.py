@@ -1,7 +1,7 @@
-"""The columns that are fitted and tested, for one dataset and belief, with their priors.
+"""The layout of the fitted and tested columns for one dataset and belief, with their priors.
 
-Columns are free changes, terms, and shared parameters. Priors are the catalogue's wide ones, the posterior of an
-earlier session, or what was measured without a shot, by a tape, a scale, an inclinometer:
+Columns are free changes, terms and shared parameters. Priors are the wide ones of the catalogue, the posterior of an
+earlier session, or measurements made without shots, by tape measure, scale or inclinometer:
 
     {"target_height.rise_m": Measurement(0.04, 0.01)}
 """
@@ -22,8 +22,8 @@ from truearc.sim.infer.likelihood import noise
 from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import Chain, Prediction
 from truearc.sim.infer.likelihood.score_table import Array, Column
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_parameter, find_terms, flight_terms
-from truearc.sim.physics.nonparametric import CURVE, NAMELESS, find_nameless
+from truearc.sim.physics import catalogue as known_terms
+from truearc.sim.physics.catalogue import CURVE, NAMELESS, Catalogue
 from truearc.sim.physics.term import DIRECTIONS, LEFT, LOG, STAGES, Parameter, Term, WatchTerm, complete
 
 
@@ -110,13 +110,12 @@ class Point:
     def still(layout: Layout, shots: int, values: Float[Array, " slots"],
               log_scatter: Float[Array, " S"]) -> "Point":
         """Of `shots` without deviations."""
-        deviates = np.zeros((shots, layout.chain.deviates))
-        return Point(values, log_scatter, deviates, np.zeros(layout.grouped))
+        return Point(values, log_scatter, np.zeros((shots, layout.chain.deviates)), np.zeros(layout.grouped))
 
 
 def column_of(term: str, among: Catalogue | None = None) -> str:
     """The column of a term's amplitude, its first parameter. InputError for a term that there is none of."""
-    (found,) = find_terms([term], among)
+    (found,) = known_terms.find_terms([term], among)
     return f"{term}.{found.parameters[0].name}"
 
 
@@ -152,9 +151,11 @@ def read_measured(words: Sequence[str], option: str, among: Catalogue | None = N
     return found
 
 
-BANDS = 6                             # of the flight's time, with tracks
+BANDS = 6                             # of the flight's time, with tracks; chosen: sixths of a second of a long flight
 LONGEST_STEP_S, MOST_DOUBLINGS = 0.02, 4          # of Runge-Kutta in a track
+# Derived: a third, and rounding
 MOST_GROUPED = 0.34                   # groups per shot: with fewer than three shots each nothing would be left to test
+# Chosen: clusters fewer than that make tests unreliable (Cameron, Gelbach and Miller 2008)
 MANY = 10.0                           # groups, counted by size, from which each has random effects
 
 OTHERS = "others"                     # balls of a later session that are not told apart
@@ -163,6 +164,7 @@ OTHERS = "others"                     # balls of a later session that are not to
 STATED = {"track_scale": "scale_sd", "track_tilt": "tilt_sd_deg", "track_clock": "clock_sd"}
 
 # Deviations of single launches that may go with anything, and what each amounts to where it is at work.
+# Derived: as of exit_efficiency, of hood_offset, and of distance_scale at 6 m.
 FREE = (
     (0, Column("launch speed", "free", "launch", "along", "1", 0.2,
                ("the ball leaves faster", "the ball leaves slower"))),
@@ -176,6 +178,7 @@ AZIMUTH = (2, Column("launch azimuth", "free", "launch", "lateral", "rad", 0.017
 PUSH_WORDS = {"along": ("the ball is driven along its flight", "the ball is held back along its flight"),
               "vertical": ("the ball is lifted across its flight", "the ball is pressed down across its flight"),
               "lateral": ("the ball is pushed to its left", "the ball is pushed to its right")}
+# Derived: three tenths of the 5 m/s2 of drag on a foam ball of 7 inches at 10 m/s
 PUSH_USUAL = 1.5                      # m/s2, as of a wrong drag law or a breeze of 1 m/s
 
 
@@ -209,7 +212,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
     free to have other balls, so that both absorb alike what the belief leaves, and as uncertain as without the belief,
     which must not be counted twice.
     """
-    catalogue = as_catalogue(among)
+    catalogue = known_terms.as_catalogue(among)
     check_believed((name for name in believed if belief is None or name not in belief.coefficients), catalogue)
     slots = tuple((term.name, p.name) for term in catalogue for p in term.parameters)
     usual = np.array([float(p.default) for term in catalogue for p in term.parameters])
@@ -308,14 +311,14 @@ def weak_prior(parameter: Parameter) -> tuple[float, float]:
     """(centre, standard deviation) in the parameter's own unit: its prior, WEAKER times as wide."""
     prior = parameter.prior
     if prior is None:
-        return parameter.default, 0.2 * (parameter.high - parameter.low)
+        return parameter.default, 0.2 * (parameter.high - parameter.low)       # chosen: the range is five deviations
     spread = {"linear": 1.0, "log": prior.centre, "left": 1.0 - prior.centre}[prior.scale]
     return prior.centre, noise.WEAKER * spread * prior.sd
 
 
 def check_believed(believed: Iterable[str], among: Catalogue | None = None) -> None:
     """InputError for a term that there is none of, and for one that stands for an unexplained effect."""
-    for term in find_terms(believed, among):
+    for term in known_terms.find_terms(believed, among):
         if term in NAMELESS:
             raise InputError(f"{term.name} stands for an unexplained effect; discovery starts from effects "
                            "that have names")
@@ -392,10 +395,8 @@ def _pushes(chain: Chain, width: int, edges: Float[Array, " edges"]) -> list[tup
 def _edges(intake: Intake) -> Float[Array, " edges"]:
     if intake.samples is None:
         return np.zeros(0)
-    lead_s = np.asarray(intake.lanes.lead_s)[intake.tracked]
-    times = (intake.samples.time_s + lead_s[:, None])[intake.samples.real]
-    edges_s: Array = np.quantile(times, np.arange(1, BANDS) / BANDS)
-    return edges_s
+    times = (intake.samples.time_s + np.asarray(intake.lanes.lead_s)[intake.tracked][:, None])[intake.samples.real]
+    return np.asarray(np.quantile(times, np.arange(1, BANDS) / BANDS))
 
 
 def _substeps(intake: Intake) -> int:
@@ -408,7 +409,9 @@ def _substeps(intake: Intake) -> int:
 
 # Names of scatters here -> in a belief; the others are of sensors, not of the launch.
 SCATTER_NAMES = {"scatter.speed": "speed", "scatter.elevation_rad": "elevation_deg"}
+# Bounds a belief's precision
 SUREST = 1e-4                         # of the catalogue's deviation: a belief may have some combination as exact
+# Chosen: repairs and other balls move one rig's numbers by less than rigs differ; a tenth of the variance
 MOVES = 0.3                           # of a parameter's prior deviation, by which one and the same rig may have changed
 
 
@@ -461,7 +464,7 @@ def may_have_moved(belief: Belief | None, name: str) -> float | None:
     """By how much a parameter that the belief knows usually changes, in its own unit; None where it knows none."""
     if belief is None or name in SCATTER_NAMES or name not in belief.names:
         return None
-    prior = find_parameter(name, belief.catalogue).prior
+    prior = known_terms.find_parameter(name, belief.catalogue).prior
     if prior is None:
         return None
     return MOVES * prior.sd * {LOG: prior.centre, LEFT: 1.0 - prior.centre}.get(prior.scale, 1.0)
@@ -485,7 +488,7 @@ def bent(layout: Layout, belief: Belief) -> Layout:
 def with_curve(layout: Layout, name: str, values: Mapping[str, float], curve: Curve) -> Layout:
     """The layout with the nameless term `name`, its parameters fixed, and the curve's points in front of the shared
     columns; they start where the curve has them."""
-    chain, term = layout.chain, find_nameless(name)
+    chain, term = layout.chain, known_terms.find_nameless(name)
     whole = complete(term, values)
     old, first = len(chain.slots), layout.first_shared
     slots = (*((name, key) for key in whole), *((CURVE, f"{name}.{key}") for key in curve.keys))
@@ -546,10 +549,9 @@ def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:
 def lean_chain(layout: Layout, kept: list[int]) -> Chain:
     """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
     chain = layout.chain
-    airborne = {term.name for term in flight_terms(chain.terms, chain.catalogue)}
+    airborne = {term.name for term in known_terms.flight_terms(chain.terms, chain.catalogue)}
     known = {column.term for column in layout.columns[layout.first_shared:]}
     known |= {*chain.catalogue.always, *(term.name for term in NAMELESS)}
-    named = {layout.columns[k].term for k in kept}
-    if named & airborne - known:
+    if {layout.columns[k].term for k in kept} & airborne - known:
         return chain
     return replace(chain, terms=tuple(name for name in chain.terms if name not in airborne or name in known))

@@ -1,11 +1,11 @@
-"""The likelihood about a point: each shot's own unknowns integrated out, as slopes and curvatures in all columns.
+"""The likelihood linearised about a point: slopes and curvatures in all columns, each shot's unknowns integrated out.
 
-A shot departs from its configuration by d ~ N(0, S). Near the point, measurements by the tracker and by the exit's
-instruments are linear in d and in the columns; so d is integrated out exactly, and given these measurements the height
-at the plane is normal. Only the outcome's likelihood is not Gaussian, and it is of one number.
+A shot deviates from its configuration by d ~ N(0, S). Near the point, measurements by the tracker and by instruments at
+the exit are linear in d and in the columns, so d is integrated out exactly, and given them the height at the plane is
+normal. Only the likelihood of the outcome is not Gaussian, and it depends on a single number.
 
-What tracks and measured exits say is made white and multiplied out once a flight: near the point all is linear, so that
-what they say anywhere else follows from these products alone, without samples.
+Tracks and exit measurements are whitened and multiplied out once per flight: near the point the model is linear, so
+their likelihood elsewhere follows from these products without the samples.
 """
 
 from dataclasses import dataclass, replace
@@ -20,13 +20,7 @@ from truearc.sim.infer.likelihood.forward_model import DEVIATES, Prediction, see
 from truearc.sim.infer.likelihood.layout import Layout, Point
 from truearc.sim.infer.likelihood.noise import FLOOR_M, UNMEASURED_M
 from truearc.sim.infer.likelihood.observations import log_volume, timed_noise, whiten
-from truearc.sim.infer.likelihood.score_table import (
-    Array,
-    GroupedColumns,
-    PlaneScores,
-    ScoreTable,
-    make_evidence,
-)
+from truearc.sim.infer.likelihood.score_table import Array, GroupedColumns, PlaneScores, ScoreTable, make_evidence
 
 LEAD = DEVIATES.index("lead_s")
 
@@ -149,28 +143,8 @@ class Linearization:
     tracks: Normal | None
     log_spread_by: Float[Array, "n inputs"]
 
-    def plane_at(self, layout: Layout, values: Float[Array, " slots"]) -> Prediction:
-        """The prediction at the plane at other values of the inputs, all else the same; linear in them."""
-        change = self._change(layout, values)
-        return self.seen._replace(plane=self.seen.plane + self.slopes.plane[..., :len(change)] @ change)
-
-    def wider_at(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " n"]:
-        """How many times as much the height at the plane spreads there."""
-        return np.asarray(np.exp(np.clip(self.log_spread_by @ self._change(layout, values), -2.0, 2.0)))
-
-    def tracks_at(self, layout: Layout, values: Float[Array, " slots"]) -> Normal | None:
-        """The normal equations of the tracks there, by the noise that was measured."""
-        return None if self.tracks is None else self.tracks.at(self._moved(layout, values))
-
-    def exits_at(self, layout: Layout, values: Float[Array, " slots"]) -> Normal:
-        """Those of the exits."""
-        return self.exits.at(self._moved(layout, values))
-
-    def _moved(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " k"]:
-        return np.concatenate([self._change(layout, values), np.zeros(layout.chain.deviates)])
-
-    def _change(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
-        """From the spot, of the inputs; those of groups do not change."""
+    def change(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
+        """From the spot to other values, of the inputs; those of groups do not change. All is linear in it."""
         inputs = layout.inputs
         slots = inputs < len(values)
         slots[len(inputs) - _bases(layout):] = False
@@ -193,9 +167,11 @@ def linearise(intake: Intake, layout: Layout, spot: Point,
     bases = _bases(layout)
     columns = np.concatenate([np.flatnonzero(layout.source >= 0), real + np.arange(bases)])
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :count]
-    tracks, noise = flown.tracks_at(layout, spot.values), np.exp(spot.log_scatter[TRACK])
+    change = flown.change(layout, spot.values)
+    moved = np.concatenate([change, np.zeros(count)])
+    tracks, noise = None if flown.tracks is None else flown.tracks.at(moved), np.exp(spot.log_scatter[TRACK])
     with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
-        normal = flown.exits_at(layout, spot.values).beside(tracks, float(noise**-2.0))
+        normal = flown.exits.at(moved).beside(tracks, float(noise**-2.0))
         left = _integrate(normal, sd, columns, real + bases)
     effects = _group_effects(layout, spot)
     own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], effects)
@@ -210,15 +186,14 @@ def linearise(intake: Intake, layout: Layout, spot: Point,
             shift = np.pad(effects, ((0, 0), (len(layout.inputs) - bases, count)))
             found = noise_terms(tracks.at(shift), own, left.covariance, counts, float(noise**-2.0))
             score[:, place], info[:, place, place] = found
-    plane = _plane(intake, layout, spot, flown, sd, left, columns, real + bases)
+    plane = _plane(intake, layout, spot, flown, change, sd, left, columns, real + bases)
     parts = _scaled(layout, left.score + score, left.info + info, plane)
     point = _point(layout, spot)
     pull = layout.precision @ (layout.centre - point[layout.first_shared:])
     evidence = make_evidence(intake.rows, layout.columns, point, *parts, layout.precision, pull, log_linear,
                              _deal(layout))
     if spot.effects.any():
-        change = np.concatenate([np.zeros(real), spot.effects])
-        evidence = evidence.moved(np.tile(change, (len(intake.rows), 1)))
+        evidence = evidence.moved(np.tile(np.concatenate([np.zeros(real), spot.effects]), (len(intake.rows), 1)))
     return evidence, left.mean
 
 
@@ -353,8 +328,8 @@ def _integrate(normal: Normal, sd: Float[Array, "n D"], columns: Int[Array, " in
     mean_by[:, :, columns] = -sd[:, :, None] * by
     quadratic = normal.square - (onto_r * shift).sum(1)
     value = -0.5 * (quadratic + np.linalg.slogdet(inner)[1]) + normal.log_noise
-    lost = quadratic < -LOST * normal.square              # slopes so large that no digit is right
-    value = np.where(astray | lost, -np.inf, value)
+    # slopes may be so large that no digit is right
+    value = np.where(astray | (quadratic < -LOST * normal.square), -np.inf, value)
     return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
 
 
@@ -363,8 +338,7 @@ def _group_effects(layout: Layout, spot: Point) -> Float[Array, "n B"]:
     groups = layout.groups
     if groups is None:
         return np.zeros((len(spot.deviates), 0))
-    effects: Array = spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale
-    return effects
+    return np.asarray(spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale)
 
 
 def _scatter_terms(intake: Intake, layout: Layout, spot: Point, sd: Float[Array, "n D"],
@@ -387,13 +361,14 @@ def _scatter_terms(intake: Intake, layout: Layout, spot: Point, sd: Float[Array,
     return score, info
 
 
-def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization,
+def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization, change: Float[Array, " inputs"],
            sd: Float[Array, "n D"], left: _Left, columns: Int[Array, " inputs"], count: int) -> PlaneScores | None:
-    """Heights given what tracks and exits said of the launch."""
+    """Heights after a change of the inputs, given what tracks and exits said of the launch."""
     rows = intake.marked
     if not len(rows) or not layout.chain.plane:
         return None
-    seen, slopes, inputs = flown.plane_at(layout, spot.values), flown.slopes, len(layout.inputs)
+    slopes, inputs = flown.slopes, len(layout.inputs)
+    seen = flown.seen._replace(plane=flown.seen.plane + slopes.plane[..., :inputs] @ change)
     near = seen.near[rows]
     slope = np.where(near[:, None, None], slopes.plane[rows], 0.0)
     by_deviate = slope[:, 0, inputs:]
@@ -410,7 +385,8 @@ def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization,
     for number, (column, deviate) in enumerate(zip(layout.scatters[:TRACK], SCATTERED, strict=True)):
         if column >= 0 and deviate < sd.shape[1]:
             log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2) / variance
-    spread = np.where(near, np.sqrt(variance) * flown.wider_at(layout, spot.values)[rows], 1.0)
+    wider_by = np.exp(np.clip(flown.log_spread_by @ change, -2.0, 2.0))
+    spread = np.where(near, np.sqrt(variance) * wider_by[rows], 1.0)
     return PlaneScores(rows, _opening(intake, seen, rows), np.where(near, mean, FAR_BELOW_M), spread, by_column, wider,
                  log_spread)
 

@@ -1,12 +1,11 @@
-"""Slopes and curvatures of the log-likelihood in every way the simulation could be wrong, one row per shot.
+"""The score table: slopes and curvatures of the log-likelihood in every possible error, one row per shot.
 
-A column is one number that the simulation could be wrong by: a parameter of a term, a deviation of the launch, a free
-push, or something fitted (a coefficient, a scatter) that all shots share. Each shot's own unknowns (how it left, its
-noise) are integrated out already. Everything after that (tests, place, names) needs no physics.
+A column is one number in which the simulation could be wrong: a parameter of a term, a deviation of the launch, a free
+push, or a fitted number that all shots share (a coefficient, a scatter). The unknowns of each shot (its initial
+conditions, its noise) are already integrated out. All later steps (tests, localization, names) need no physics.
 
-A random effect, such as a ball's, belongs to the shots of one group. So a shot's rows hold one column per effect, and
-which group's it is stands beside them (GroupedColumns): with many balls, most of a matrix over all columns would be
-zeros.
+A random effect, such as that of a ball, belongs to the shots of one group. A shot's rows therefore hold one column per
+effect, and GroupedColumns stores its group: with many balls, a matrix over all columns would be mostly zeros.
 """
 
 from collections.abc import Callable, Sequence
@@ -291,13 +290,13 @@ def plane_terms(plane: PlaneScores, seen: OutcomeObservations, mean_m: Float[Arr
     score = (by_mean[:, None] * plane.by_column + by_log[:, None] * plane.log_spread_by
              + by_width[:, None] * plane.wider_by)
     carry = np.stack([plane.by_column, plane.log_spread_by, plane.wider_by], axis=1)
-    inner = outcomes.information(seen, mean_m, spread_m)
-    return score, np.swapaxes(carry, 1, 2) @ (inner @ carry)
+    return score, np.swapaxes(carry, 1, 2) @ (outcomes.information(seen, mean_m, spread_m) @ carry)
 
 
+# Source: five or ten are a good compromise of bias and variance (Hastie et al. 2009, 7.10)
 FOLDS = 5
-STEPS = 12
-HALVINGS = 6
+STEPS = 12                            # of Fisher scoring at most,
+HALVINGS = 6                          # each halved so often at most
 
 
 def by_folds(evidence: ScoreTable, fit: Callable[[Bool[Array, " n"]], Float[Array, "n P"]]) -> Float[Array, "n P"]:

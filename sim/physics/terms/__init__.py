@@ -1,1 +1,1 @@
-"""Physics terms: a page of effects for each stage."""
+"""Physics terms, one module of effects per stage."""

@@ -1,9 +1,10 @@
-"""Terms of the arrival stage: the target's opening."""
+"""Terms of the arrival stage: the opening of the target."""
 
-from truearc.sim.physics.term import LENGTH, ArrivalTerm, Instrument, Opening, Phrase, Values, amplitude, either_way
+from truearc.sim.physics import term
+from truearc.sim.physics.term import Instrument, Opening, Phrase, amplitude, either_way
 
 
-class TargetHeight(ArrivalTerm):
+class TargetHeight(term.ArrivalTerm):
     """The opening's centre is rise_m over rig.toml's."""
 
     order = 10, "where the opening is, before how large"
@@ -12,14 +13,14 @@ class TargetHeight(ArrivalTerm):
                            reason="a few centimetres by tape and floor")
     direction = "vertical"
     sentence = "The target stands higher or lower than stated."
-    phrase = either_way("the target stands {} <higher|lower> than stated", LENGTH)
+    phrase = either_way("the target stands {} <higher|lower> than stated", term.LENGTH)
     instrument = Instrument("target_height_tape", "target height with a tape", 0.01)
 
-    def arrive(self, values: Values, opening: Opening) -> Opening:
+    def arrive(self, values: term.Values, opening: Opening) -> Opening:
         return opening._replace(centre_m=opening.centre_m + values["rise_m"])
 
 
-class RimCatch(ArrivalTerm):
+class RimCatch(term.ArrivalTerm):
     """Both half heights of the opening grow by reach_m."""
 
     order = 20, "how large the opening is"
@@ -31,10 +32,10 @@ class RimCatch(ArrivalTerm):
     label = "forgiving rim"
     sentence = "The rim lets in balls that touch it, as if the opening were larger."
     phrase = Phrase("the opening takes balls that pass {} beyond its stated edges", "the opening is tighter than "
-                    "stated, by {} at each edge", *LENGTH)
+                    "stated, by {} at each edge", *term.LENGTH)
     instrument = Instrument("rim_film", "where balls touch the rim", 0.01)
 
-    def arrive(self, values: Values, opening: Opening) -> Opening:
+    def arrive(self, values: term.Values, opening: Opening) -> Opening:
         reach_m = values["reach_m"]
         three_m = opening.three_half_m + reach_m * (opening.three_half_m > 0.0)       # 0: there is no three
         return opening._replace(three_half_m=three_m, two_half_m=opening.two_half_m + reach_m)

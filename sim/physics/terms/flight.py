@@ -5,8 +5,7 @@ import math
 import jax.numpy as jnp
 
 from truearc.sim.physics import term
-from truearc.sim.physics.term import SECONDS, SHARE, SPEED, Instrument, Parameter, Phrase, amplitude, either_way
-from truearc.sim.physics.vector import Vec, cross, dot, length, scale, times, total
+from truearc.sim.physics.term import SHARE, Instrument, Phrase, Vec, amplitude, either_way, length, scale
 
 LEAST = 0.1                           # of 1 + rate S, should a search try rates far below 0
 
@@ -31,7 +30,7 @@ class SpinDecay(term.AirTerm):
                            reason="from golf's hundredths to the quarter by that law, and twice as much for foam")
     direction = "vertical"
     sentence = "The ball loses spin in flight."
-    phrase = either_way("the ball <loses|gains> spin in flight, with a time constant of {}", SECONDS,
+    phrase = either_way("the ball <loses|gains> spin in flight, with a time constant of {}", term.SECONDS,
                         " (time constant)", rate=True)
     instrument = Instrument("spin_film_early_late", "the spin of a marked ball as it leaves and as it lands", 0.1)
 
@@ -47,7 +46,7 @@ class WindX(term.WindTerm):
     direction = "along"
     label = "head or tail wind"
     sentence = "There is wind toward the target, or from it."
-    phrase = either_way("there is wind of {} <toward|from> the target", SPEED)
+    phrase = either_way("there is wind of {} <toward|from> the target", term.SPEED)
 
 
 class WindY(term.WindTerm):
@@ -59,7 +58,7 @@ class WindY(term.WindTerm):
     label = "crosswind"
     record = "tracks of the ball"
     sentence = "There is wind across the flight."
-    phrase = either_way("there is wind of {} to the <left|right>", SPEED)
+    phrase = either_way("there is wind of {} to the <left|right>", term.SPEED)
 
 
 class WindZ(term.WindTerm):
@@ -70,15 +69,15 @@ class WindZ(term.WindTerm):
     direction = "vertical"
     label = "rising or sinking air"
     sentence = "The air rises or sinks where the balls fly."
-    phrase = either_way("the air <rises|sinks> at {}", SPEED)
+    phrase = either_way("the air <rises|sinks> at {}", term.SPEED)
 
 
 class Gravity(term.FlightTerm):
     """a = -g in z; `scale` multiplies the rig's own g and is 1 unless a fit says otherwise."""
 
     order = 100, "the one force that is not the air's"
-    parameters = (Parameter("scale", "1", 0.0, 2.0, 1.0, "1 by definition; rig.toml states g",
-                            meaning="gravity as a multiple of the stated one"),)
+    parameters = (term.Parameter("scale", "1", 0.0, 2.0, 1.0, "1 by definition; rig.toml states g",
+                                 meaning="gravity as a multiple of the stated one"),)
     direction = "vertical"
     always = True
     sentence = "The ball falls under its weight."
@@ -126,7 +125,7 @@ class Magnus(term.FlightTerm):
 
     def acceleration(self, rig: term.Rig, values: term.Values, ball: term.BallState, forces: term.Forces) -> Vec:
         per_rev = 4.0 / 3.0 * 4.0 * math.pi**2 * rig.ball.radius_m**3 * rig.air.density_kg_m3 / rig.ball.mass_kg
-        return scale(values["cl"] * per_rev, cross(ball.spin_rev_s, ball.velocity_m_s))
+        return scale(values["cl"] * per_rev, term.cross(ball.spin_rev_s, ball.velocity_m_s))
 
 
 class SpinDrag(term.FlightTerm):
@@ -148,8 +147,8 @@ class SpinDrag(term.FlightTerm):
     def acceleration(self, rig: term.Rig, values: term.Values, ball: term.BallState, forces: term.Forces) -> Vec:
         rim_m = 2.0 * math.pi * rig.ball.radius_m
         per_m = values["share"] * (drag_per_m(rig) * rim_m**2)
-        pace = dot(ball.spin_rev_s, ball.spin_rev_s) / length(ball.velocity_m_s)
-        return scale(times(-1.0, times(per_m, pace)), ball.velocity_m_s)
+        pace = term.dot(ball.spin_rev_s, ball.spin_rev_s) / length(ball.velocity_m_s)
+        return scale(term.times(-1.0, term.times(per_m, pace)), ball.velocity_m_s)
 
 
 class DragReynolds(term.ForceShareTerm):
@@ -162,8 +161,8 @@ class DragReynolds(term.ForceShareTerm):
                    source="cd falls from 0.5 to 0.1-0.2 as rough balls pass Re 1e5-3e5 (Hong 2020); tennis balls keep "
                    "theirs",
                    reason="a ball of 18 cm at 8 to 15 m/s is just below that fall or at its foot"),
-        Parameter("at_m_s", "m/s", 1.0, 30.0, 10.0, "a usual exit speed; it only says where cd is meant",
-                  meaning="speed at which the drag coefficient is stated"))
+        term.Parameter("at_m_s", "m/s", 1.0, 30.0, 10.0, "a usual exit speed; it only says where cd is meant",
+                       meaning="speed at which the drag coefficient is stated"))
     direction = "along"
     label = "drag by speed"
     sentence = "The drag coefficient changes with the ball's speed."
@@ -273,4 +272,4 @@ class AddedMass(term.FlightTerm):
 
     def acceleration(self, rig: term.Rig, values: term.Values, ball: term.BallState, forces: term.Forces) -> Vec:
         heavier = values["share"] * (0.5 * displaced_share(rig))
-        return scale(-heavier / (1.0 + heavier), total(forces.values()))
+        return scale(-heavier / (1.0 + heavier), term.total(forces.values()))

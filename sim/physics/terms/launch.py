@@ -1,9 +1,9 @@
-"""Terms of the launch stage: how the wheels send the ball off."""
+"""Terms of the launch stage: the transfer of speed and spin from the wheels to the ball."""
 
 import jax.numpy as jnp
 
 from truearc.sim.physics import term
-from truearc.sim.physics.term import LENGTH, SHARE, Instrument, Parameter, Phrase, Prior, amplitude, either_way
+from truearc.sim.physics.term import LENGTH, SHARE, Instrument, Phrase, amplitude, either_way
 
 
 class WheelSlip(term.LaunchTerm):
@@ -127,9 +127,9 @@ class RapidFire(term.SpeedTerm):
         *amplitude("loss", "1", -0.5, 0.5, sd=0.05, meaning="share of the speed lost right after another shot",
                    source="teams see the second of two quick shots fall short by a few per cent of speed",
                    reason="a wheel dips by up to a tenth, and its reading recovers before the ball's grip does"),
-        Parameter("time_constant_s", "s", 0.05, 10.0, 0.7, "wheels under control come back within 0.3 to 2 s",
-                  Prior("log", 0.7, 0.6, "0.2 to 2.3 s at two sigma, by motor, inertia and gains"),
-                  meaning="time in which that fades to a third"))
+        term.Parameter("time_constant_s", "s", 0.05, 10.0, 0.7, "wheels under control come back within 0.3 to 2 s",
+                       term.Prior("log", 0.7, 0.6, "0.2 to 2.3 s at two sigma, by motor, inertia and gains"),
+                       meaning="time in which that fades to a third"))
     record = "t_s or since_last_shot_s of each shot"
     positive = 0.9                    # wheels that had no time to recover are slower
     sentence = "A shot soon after another leaves slower: the wheels have not recovered."

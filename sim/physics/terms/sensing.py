@@ -1,4 +1,4 @@
-"""Terms of the sensing stage: what hood, wheels and camera of the robot, and a tracker of the ball, get wrong."""
+"""Terms of the sensing stage: errors of the robot's hood, wheels and camera, and of a ball tracker."""
 
 import math
 from typing import Any, ClassVar
@@ -6,8 +6,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from truearc.sim.physics import term
-from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Instrument, Parameter, Phrase, amplitude, either_way
-from truearc.sim.physics.vector import Vec, add, scale, times
+from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Instrument, Phrase, Vec, add, amplitude, either_way, scale
 
 
 class HoodOffset(term.HoodTerm):
@@ -134,7 +133,7 @@ class _TurnedTracker(term.WatchTerm):
         return position_m._replace(**{self.way: level * cosine - z * sine, "z": z * cosine + level * sine})
 
 
-def _turned_deg(sd: float, meaning: str) -> tuple[Parameter]:
+def _turned_deg(sd: float, meaning: str) -> tuple[term.Parameter]:
     return amplitude("angle_deg", "deg", -15.0, 15.0, sd=sd, meaning=meaning,
                      source="a camera on a tripod is levelled by eye or by a bubble",
                      reason="a bubble is good to half a degree, the eye to one or two")
@@ -198,4 +197,4 @@ class TrackPerspective(term.WatchTerm):
     instrument = Instrument("ruler_two_heights", "a ruler at two heights in the tracker's view", None)
 
     def watch(self, values: term.Values, position_m: Vec, velocity_m_s: Vec, time_s: term.Number) -> Vec:
-        return add(position_m, scale(times(values["per_m"], position_m.z), position_m))
+        return add(position_m, scale(term.times(values["per_m"], position_m.z), position_m))

@@ -10,26 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import truearc.cli.main as truearc
-from tests.sim.same_dataset import assert_same
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import load_dataset
-from truearc.sim.data.importers.imported import doubts_of
+from truearc.sim.data.import_shots import doubts_of
 from truearc.sim.physics.simulate import launch_of
 from truearc.sim.physics.term import Exit
-from truearc_proof.importers.set_points import (
-    BALL,
-    FILE_3476,
-    import_254,
-    import_971,
-    import_2910,
-    import_3476,
-    import_fuel,
-)
+from truearc_proof.importers import set_points
+from truearc_proof.importers.set_points import import_254, import_971, import_2910, import_3476
 
 # --- import set points
 
@@ -66,7 +56,7 @@ def test_a_ball_rolls_on_a_hood_that_stands_still_at_half_the_wheels_speed(tmp_p
     surface_m_s = 3400.0 * 2.0 * np.pi / 60.0 * 0.0508
     assert leaving.speed_m_s == pytest.approx([0.5 * surface_m_s])
     # two wheels: the seed's Eq. 12, which has twice the backspin of rolling
-    assert leaving.spin_rev_s == pytest.approx([surface_m_s / (2.0 * np.pi * BALL.radius_m)])
+    assert leaving.spin_rev_s == pytest.approx([surface_m_s / (2.0 * np.pi * set_points.BALL.radius_m)])
     assert "ball_quality" not in dataset.shots.texts
 
 
@@ -123,9 +113,6 @@ def test_254s_own_file_is_read_without_what_is_no_shot(tmp_path: Path) -> None:
     path.write_text(JAVA + "kLaserRPMMap.put(new InterpolatingDouble(9.0), new InterpolatingDouble(5000.0));")
     with pytest.raises(InputError, match="several speeds"):
         import_254(path)
-    path.write_text("// nothing")
-    with pytest.raises(InputError, match="holds no numbers"):
-        import_254(path)
 
 
 TUNING = """
@@ -150,21 +137,6 @@ def test_2910s_own_file_is_read(tmp_path: Path) -> None:
         import_2910(path)
     assert "Command.java:3: hood_raw: 'STEEP' is not a finite number" in str(caught.value)
     assert "Command.java:4: distance_m: '6.0 * FOOT' is not a finite number" in str(caught.value)
-    path.write_text("TARGET_ANGLE = 45;")
-    with pytest.raises(InputError, match="holds no numbers"):
-        import_2910(path)
-
-
-@pytest.mark.data
-def test_2910s_real_table_is_the_same_out_of_their_own_form(tmp_path: Path, data_dir: Path) -> None:
-    table, path = data_dir / "real/frc_shot_tables.csv", tmp_path / "TargetWithShooterCommand.java"
-    with table.open(newline="") as file:
-        mine = [row for row in csv.DictReader(file) if row["team"] == "2910"]
-    path.write_text("\n".join(f"SHOOTER_TUNING.put(new InterpolatingDouble({row['distance_raw']}), "
-                              f"new Vector2(Math.toRadians({row['hood_raw']}), {row['wheel_rpm']}));" for row in mine))
-    ours, theirs = import_2910(path).shots, import_2910(table).shots
-    for name, column in theirs.numbers.items():
-        assert ours.number(name) == pytest.approx(column, abs=1e-4)
 
 
 def config(angle: object, speed: float, distance: float) -> dict[str, object]:
@@ -188,17 +160,6 @@ def test_3476s_own_file_is_one_version_without_a_date(tmp_path: Path) -> None:
             import_3476(path)
 
 
-@pytest.mark.data
-def test_the_real_tables(data_dir: Path, tmp_path: Path) -> None:
-    out = tmp_path / "d"
-    assert truearc.main(["import", "frc-254", str(data_dir / "real/frc_shot_tables.csv"), "-o", str(out)]) == 0
-    shots = load_dataset(out).shots
-    assert shots.text("ball_quality") == ("old",) * 6 + ("new",) * 10
-    assert len(import_2910(data_dir / "real/frc_shot_tables.csv").shots) == 8
-    # the last of 14 versions only formats the file
-    assert len(set(import_3476(data_dir / "real/frc3476_tuning_history.csv").shots.text("version"))) == 13
-
-
 def git(clone: Path, *words: str, when: str = "2021-11-01T00:00:00+00:00") -> str:
     somebody = {"GIT_AUTHOR_NAME": "a", "GIT_AUTHOR_EMAIL": "a@b.c", "GIT_COMMITTER_NAME": "a", "GIT_COMMITTER_EMAIL":
                 "a@b.c", "GIT_COMMITTER_DATE": when, "GIT_AUTHOR_DATE": when, "GIT_CONFIG_GLOBAL": os.devnull}
@@ -206,13 +167,10 @@ def git(clone: Path, *words: str, when: str = "2021-11-01T00:00:00+00:00") -> st
                           text=True).stdout
 
 
-def commit(clone: Path, text: str | None, when: str) -> None:
-    path = clone / FILE_3476
+def commit(clone: Path, text: str, when: str) -> None:
+    path = clone / set_points.FILE_3476
     path.parent.mkdir(parents=True, exist_ok=True)
-    if text is None:
-        path.unlink()
-    else:
-        path.write_text(text)
+    path.write_text(text)
     git(clone, "add", "--all")
     git(clone, "commit", "--quiet", "-m", "tuned", when=when)
 
@@ -250,14 +208,6 @@ def test_a_clones_history_says_the_same_as_the_table(tmp_path: Path, capsys: pyt
 
 
 @needs_git
-def test_a_commit_that_took_the_file_away_is_no_version(tmp_path: Path) -> None:
-    clone = clone_of(tmp_path / "c", [("2021-11-01T00:00:00+00:00", FIRST)])
-    commit(clone, None, "2021-11-02T00:00:00+00:00")
-    commit(clone, json.dumps({"shooterConfigs": [config(*point) for point in LATER]}), "2021-11-03T00:00:00+00:00")
-    assert len(set(import_3476(clone).shots.text("version"))) == 2
-
-
-@needs_git
 def test_what_is_no_history_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clone = clone_of(tmp_path / "c", [("2021-11-01T00:00:00+00:00", FIRST), ("2021-11-02T00:00:00+00:00", LATER)])
     with pytest.raises(InputError, match="its history has no src/main/deploy"):
@@ -270,34 +220,14 @@ def test_what_is_no_history_is_refused(tmp_path: Path, monkeypatch: pytest.Monke
     name = git(clone, "log", "-1", "--abbrev=7", "--format=%h").strip()
     with pytest.raises(InputError, match=rf"json of {name}:2: hood_eject_angle_deg: 'steep' is not a finite number"):
         import_3476(clone)
-    (tmp_path / "none").mkdir()
-    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path))
-    with pytest.raises(InputError, match="not a git repository"):
-        import_3476(tmp_path / "none")
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match="needs git"):
         import_3476(clone)
 
 
-@needs_git
-@pytest.mark.data
-def test_the_real_history_is_the_same_out_of_a_clone(tmp_path: Path, data_dir: Path) -> None:
-    table = data_dir / "real/frc3476_tuning_history.csv"
-    versions: dict[str, list[Point]] = {}
-    with table.open(newline="") as file:
-        for row in csv.DictReader(file):
-            point = (float(row["hood_eject_angle_deg"]), float(row["flywheel_rpm"]), float(row["distance_in"]))
-            versions.setdefault(row["committed_at"], []).append(point)
-    clone = clone_of(tmp_path / "c", list(reversed(versions.items())))
-    ours, theirs = without_names(import_3476(clone)), without_names(import_3476(table))
-    for mine, other in zip(ours, theirs, strict=True):
-        assert mine == pytest.approx(other, abs=1e-4)
-
-
 # --- import exit speeds
 
 SPEEDS = ("ball_speed_mps", "accelerator_rad_s", "finisher_rad_s")
-FUEL = ("hood_elevation_deg", "motor_rpm", "exit_speed_mps", "spin_rev_s", "ball_mass_kg", "ball_radius_m")
 CONSTANTS = """
   // {{9.9, {200.0, kVelocityFinisher}}
   constexpr double kVelocityFinisher = 350.0;
@@ -308,14 +238,8 @@ CONSTANTS = """
 """
 
 
-def save(path: Path, header: tuple[str, ...], rows: list[tuple[object, ...]]) -> Path:
-    with path.open("w", newline="") as file:
-        csv.writer(file).writerows([header, *rows])
-    return path
-
-
 def test_wheels_on_both_sides_drive_the_ball_at_surface_speed_without_spin(tmp_path: Path) -> None:
-    dataset = import_971(save(tmp_path / "s.csv", SPEEDS, [(10.6, 250, 350), (17, 500, 350)]))
+    dataset = import_971(write(tmp_path / "s.csv", SPEEDS, [(10.6, 250, 350), (17, 500, 350)]))
     shots = dataset.shots
     unmeasured = Shots(shots.shot_id, {k: v for k, v in shots.numbers.items() if k != "exit_speed_m_s"}, {})
     leaving = launch_of(dataset.facts, unmeasured)
@@ -331,8 +255,6 @@ def test_the_teams_own_file_says_the_same_as_the_table(tmp_path: Path) -> None:
     shots = import_971(original).shots
     assert shots.number("exit_speed_m_s").tolist() == [10.6, 17.0]
     assert shots.number("wheel_left_rad_s").tolist() == [250.0, 500.0]
-    original.write_text(CONSTANTS.replace("kVelocityFinisher}", "340.0}"))        # a finisher of its own in each row
-    assert import_971(original).shots.number("exit_speed_m_s").tolist() == [10.6, 17.0]
     original.write_text(CONSTANTS.replace("17.0", "kFast"))
     with pytest.raises(InputError, match=r"constants\.cc:6: ball_speed_mps: 'kFast' is not a finite number"):
         import_971(original)
@@ -341,140 +263,16 @@ def test_the_teams_own_file_says_the_same_as_the_table(tmp_path: Path) -> None:
         import_971(original)
 
 
-SHOOTER = """
-# m = 9.0
-m = 0.215 # Mass of the ball (kg)
-R = 0.075 # Radius
-A = np.pi * R**2
-angle_min = 46.0 # Minimum
-test_rpm = np.array([3000.0, 4000.0, 3000.0, 4000.0]) # RPM
-test_speed = np.array([5.5, 7.0, 5.25, 7.25,]) # m/s
-test_spin = np.array([-20.0, -25.0,
-                      -21.0, -26.0])
-def m():
-    R = 1
-"""
+# --- parts that importers share
 
-
-def test_the_simulations_own_file_says_the_same_as_the_table(tmp_path: Path) -> None:
-    original = tmp_path / "shooter.py"
-    original.write_text(SHOOTER)
-    dataset = import_fuel(original)
-    rows = [(46, rpm, speed, spin / (2.0 * np.pi), 0.215, 0.075) for rpm, speed, spin in
-            ((3000, 5.5, -20.0), (4000, 7.0, -25.0))]
-    left_out = (f"{original}:7: 2 more, where motor speeds start again: at another elevation, which is not stated",)
-    assert dataset.left_out == left_out
-    assert_same(dataset, import_fuel(save(tmp_path / "f.csv", FUEL, rows)), 1e-12)
-    original.write_text(SHOOTER.replace(", 3000.0, 4000.0", ", 5000.0, 6000.0"))
-    assert len(import_fuel(original).shots) == 4
-    assert import_fuel(original).left_out == ()
-
-
-@pytest.mark.parametrize(("was", "becomes", "says"), [
-    ("7.0", "fast", "shooter.py:7: exit_speed_mps: 'fast' is not a finite number"),
-    ("-25.0", "", "shooter.py:7: spin_rev_s: is missing"),
-    ("5.25, ", "", "shooter.py: test_rpm, test_speed and test_spin have 4, 3 and 4 numbers"),
-    ("= 46.0", "= 46.0 * np.pi / 180.0", "shooter.py:6: angle_min: '46.0 * np.pi / 180.0' is not a finite number"),
-    ("= 0.215", "= -0.215", "shooter.py:7: ball_mass_kg: -0.215 must be above 0"),
-    ("R = 0.075", "R = 0.075\nR = 0.08", "shooter.py:5: stands in line 4 already"),
-    ("test_rpm", "rpm", "shooter.py: holds no numbers where expected"),
-])
-def test_what_is_wrong_with_it_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str], was: str, becomes: str,
-                                        says: str) -> None:
-    path = tmp_path / "shooter.py"
-    path.write_text(SHOOTER.replace(was, becomes))
-    assert truearc.main(["import", "fuel", str(path), "-o", str(tmp_path / "d")]) == 2
-    assert says in capsys.readouterr().err
-
-
-def test_what_lifts_the_ball_is_backspin(tmp_path: Path) -> None:
-    path = save(tmp_path / "f.csv", FUEL, [(46, 3000, 5.6, -3.2, 0.215, 0.075), (46, 6000, 8.1, -6.7, 0.215, 0.075)])
-    dataset = import_fuel(path)
-    assert dataset.shots.number("exit_spin_rev_s").tolist() == [3.2, 6.7]
-    assert dataset.shots.number("hood_deg").tolist() == [46.0, 46.0]
-    assert (dataset.facts.ball.mass_kg, dataset.facts.ball.radius_m) == (0.215, 0.075)
-    assert dataset.facts.launcher.wheel == ()
-
-
-@pytest.mark.parametrize(("line", "column", "cell", "says"), [
-    (3, "exit_speed_mps", "fast", "f.csv:3: exit_speed_mps: 'fast' is not a finite number"),
-    (3, "exit_speed_mps", "-1", "f.csv:3: exit_speed_mps: -1 must be above 0"),
-    (2, "motor_rpm", "", "f.csv:2: motor_rpm: is missing"),
-    (2, "ball_mass_kg", "0", "f.csv:2: ball_mass_kg: 0 must be above 0"),
-])
-def test_a_bad_cell_is_named(tmp_path: Path, line: int, column: str, cell: str, says: str) -> None:
-    rows: list[list[object]] = [[46, 3000, 5.6, -3.2, 0.215, 0.075], [46, 6000, 8.1, -6.7, 0.215, 0.075]]
-    rows[line - 2][FUEL.index(column)] = cell
-    with pytest.raises(InputError) as caught:
-        import_fuel(save(tmp_path / "f.csv", FUEL, [tuple(row) for row in rows]))
-    assert says in str(caught.value)
-
-
-def test_a_missing_column_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"s\.csv:1: column accelerator_rad_s is missing"):
-        import_971(save(tmp_path / "s.csv", SPEEDS[:1], [(10.6,)]))
-
-
-def test_too_few_to_judge_by_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = save(tmp_path / "f.csv", FUEL, [(46, 3000, 5.6, -3.2, 0.215, 0.075)])
-    assert truearc.main(["import", "fuel", str(path), "-o", str(tmp_path / "d")]) == 0
-    assert truearc.main(["discover", str(tmp_path / "d")]) == 2
-    assert "1 shot is too few" in capsys.readouterr().err
-
-
-@settings(max_examples=40, deadline=None)
-@given(rows=st.lists(st.tuples(st.floats(0.1, 60.0), st.floats(1.0, 900.0)), min_size=1, max_size=20))
-def test_every_row_arrives(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float]]) -> None:
-    home = tmp_path_factory.mktemp("speeds")
-    table = [(speed, wheel, 350.0) for speed, wheel in rows]
-    assert truearc.main(["import", "frc-971", str(save(home / "s.csv", SPEEDS, table)), "-o", str(home / "d")]) == 0
-    shots = load_dataset(home / "d").shots
-    assert shots.number("exit_speed_m_s").tolist() == [speed for speed, _ in rows]
-    assert shots.number("wheel_right_rad_s").tolist() == [wheel for _, wheel in rows]
-
-
-@pytest.mark.data
-def test_the_real_speeds(data_dir: Path) -> None:
-    shots = import_971(data_dir / "real/frc971_wheel_to_ball_speed.csv").shots
-    with (data_dir / "real/frc971_wheel_to_ball_speed.csv").open(newline="") as file:
-        stated = [float(row["ball_over_surface"]) for row in csv.DictReader(file)]
-    share = shots.number("exit_speed_m_s") / (shots.number("wheel_left_rad_s") * 0.0508)
-    assert share == pytest.approx(stated, abs=1e-3)
-    # the share falls from its highest on, at wheel speeds that the team stepped by 25 rad/s
-    assert np.all(np.diff(share[2:]) < 0.0)
-    fuel = import_fuel(data_dir / "real/fuel_exit_speed_spin_46deg.csv").shots
-    assert len(fuel) == 4
-    assert np.all(np.diff(fuel.number("exit_spin_rev_s")) > 0.0)
-
-
-@pytest.mark.data
-def test_the_real_speeds_are_the_same_out_of_their_own_form(tmp_path: Path, data_dir: Path) -> None:
-    table, path = data_dir / "real/fuel_exit_speed_spin_46deg.csv", tmp_path / "shooter.py"
-    with table.open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    arrays = {"test_rpm": "motor_rpm", "test_speed": "exit_speed_mps", "test_spin": "spin_rad_s"}
-    one = {"m": "ball_mass_kg", "R": "ball_radius_m", "angle_min": "hood_elevation_deg"}
-    path.write_text("".join(f"{name} = np.array([{', '.join(row[column] for row in rows)}])\n"
-                            for name, column in arrays.items())
-                    + "".join(f"{name} = {rows[0][column]} # of all\n" for name, column in one.items()))
-    assert_same(import_fuel(path), import_fuel(table), 1e-4)
-
-
-# --- import parts
-
-OLD_HISTORY = ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm")
 NEAR_M, LOWER_RIM_M = 1.5, 2.4956 - 0.381 - 0.75
 STEEP_DEG = float(np.degrees(np.arctan2(LOWER_RIM_M, NEAR_M)))
-DAY = "2021-11-0{}T00:00:00+00:00"
 
 
 def history(folder: Path, *near_deg: float) -> Path:
     """One version for each elevation of the nearest set point."""
-    path = folder / "history.csv"
-    with path.open("w", newline="") as file:
-        csv.writer(file).writerows([OLD_HISTORY, *(("abc"[k], DAY.format(k + 1), NEAR_M, deg, 4500)
-                                               for k, deg in enumerate(near_deg))])
-    return path
+    return write(folder / "history.csv", HISTORY, [("abc"[k], f"2021-11-0{k + 1}T00:00:00+00:00", "", NEAR_M, deg, 4500)
+                                                   for k, deg in enumerate(near_deg)])
 
 
 def test_an_elevation_below_the_line_of_sight_is_doubted_and_imported(
@@ -501,10 +299,3 @@ def test_only_some_of_the_shots(tmp_path: Path, capsys: pytest.CaptureFixture[st
     for wanted in ("version", "hood_deg=50"):
         assert imported(wanted) == 2
         assert "is not COLUMN=TEXT with one of the columns version" in capsys.readouterr().err
-
-
-@pytest.mark.data
-def test_of_the_real_set_points_only_3476s_are_too_flat(data_dir: Path) -> None:
-    assert doubts_of(import_254(data_dir / "real/frc_shot_tables.csv")) == ()
-    (line,) = doubts_of(import_3476(data_dir / "real/frc3476_tuning_history.csv"))
-    assert "of 55 shots" in line

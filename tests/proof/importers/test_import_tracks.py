@@ -17,9 +17,8 @@ from scipy.integrate import solve_ivp
 import truearc.cli.main as truearc
 from tests.sim.same_dataset import assert_same
 from truearc.errors import InputError
-from truearc.sim.check.check import check_plausible
 from truearc.sim.data.files import load_dataset
-from truearc_proof.importers.ball_butler import RIG, import_ball_butler
+from truearc_proof.importers.ball_butler import import_ball_butler
 from truearc_proof.importers.mpi import BALL_NAMES, LAUNCH_COLUMNS, ROBOT_NAMES, TRACK_COLUMNS, import_mpi
 
 # --- import mpi
@@ -83,11 +82,9 @@ def test_only_samples_before_the_bounce_are_kept(tmp_path_factory: pytest.TempPa
 
 @pytest.mark.parametrize(("table", "line", "column", "cell", "says"), [
     (0, 2, "motor_bottom_rpm", "fast", "launches.csv:2: motor_bottom_rpm: 'fast' is not a finite number"),
-    (0, 2, "phi_cmd", "", "launches.csv:2: phi_cmd: is missing"),
     (0, 2, "set", "", "launches.csv:2: set: is missing"),
     (0, 2, "n_samples", "99", "launches.csv:2: n_samples: is 99, but the tracks have 100"),
     (1, 31, "z_m", "nan", "tracks.csv:31: z_m: 'nan' is not a finite number"),
-    (1, 31, "x_m", "", "tracks.csv:31: x_m: is missing"),
     (1, 31, "t_s", "0.0", "tracks.csv:31: t_s: does not follow"),
     (1, 31, "launch", "5", "tracks.csv:31: launch: set 'spin' launch 5 is not among the launches"),
 ])
@@ -100,27 +97,6 @@ def test_a_bad_cell_is_named(tmp_path: Path, table: int, line: int, column: str,
     assert says in str(caught.value)
 
 
-def test_a_launch_that_stands_twice_is_named(tmp_path: Path) -> None:
-    launches, tracks = good()
-    with pytest.raises(InputError, match=r"launches\.csv:3: launch: set 'spin' has launch 4 already"):
-        import_mpi(*write(tmp_path, launches + launches, tracks))
-
-
-def test_a_missing_column_is_named(tmp_path: Path) -> None:
-    launches, tracks = write(tmp_path, *good())
-    tracks.write_text(tracks.read_text().replace("z_m", "height"))
-    with pytest.raises(InputError, match=r"tracks\.csv:1: column z_m is missing"):
-        import_mpi(launches, tracks)
-
-
-def test_a_flight_too_short_to_use_is_left_out_and_named(tmp_path: Path) -> None:
-    launches, tracks = good()
-    short = [["spin", 6, *row[2:]] for row in tracks[:5]]
-    dataset = import_mpi(*write(tmp_path, [*launches, ["spin", 6, 0.5, 0.5, 1.0, 1.0, 1.0, 5]], tracks + short))
-    assert dataset.shots.shot_id == ("spin-4",)
-    assert dataset.left_out == ("spin-6: fewer than 8 samples before the bounce",)
-
-
 def test_the_door_writes_a_dataset_and_refuses_too_few_files(tmp_path: Path,
                                                              capsys: pytest.CaptureFixture[str]) -> None:
     launches, tracks = write(tmp_path, *good())
@@ -129,21 +105,6 @@ def test_the_door_writes_a_dataset_and_refuses_too_few_files(tmp_path: Path,
     assert load_dataset(tmp_path / "out").shots.shot_id == ("spin-4",)
     assert truearc.main(["import", "mpi", str(launches), "-o", str(tmp_path / "no")]) == 2
     assert "mpi takes RECORDING.hdf5 ..., or LAUNCHES.csv TRACKS.csv; not" in capsys.readouterr().err
-
-
-@pytest.mark.data
-def test_the_real_flights_end_above_the_table_and_still_falling(data_dir: Path) -> None:
-    dataset = import_mpi(data_dir / "real/mpi_launches.csv", data_dir / "real/mpi_tracks.csv")
-    assert len(dataset.shots) == 37
-    assert dataset.left_out == ()
-    tracks = dataset.tracks
-    assert tracks is not None
-    for shot in range(37):
-        z_m, t_s = tracks.z_m[tracks.shot == shot], tracks.t_s[tracks.shot == shot]
-        assert t_s[0] == 0.0
-        assert z_m[-1] > TABLE_M
-        # the last three samples fall at 1 to 5 m/s, as a ball from that height does
-        assert 1.0 < (z_m[-3] - z_m[-1]) / (t_s[-1] - t_s[-3]) < 5.0
 
 
 def record(path: Path, launches: Iterable[tuple[str, np.ndarray, np.ndarray]], names: tuple[str, str, str] = BALL_NAMES,
@@ -174,18 +135,6 @@ def test_a_recording_says_the_same_as_the_tables(tmp_path: Path, names: tuple[st
     assert_same(import_mpi(path), import_mpi(*write(tmp_path, launches, tracks)), 1e-9)
 
 
-def test_nanoseconds_since_the_epoch_lose_nothing_that_matters(tmp_path: Path) -> None:
-    parameters, samples = flight()
-    path = record(tmp_path / "spin.hdf5", [("4", parameters, samples)])
-    with h5py.File(path, "a") as file:
-        del file["originals/4/time_stamps"]
-        file["originals/4/time_stamps"] = (1_700_000_000_000_000_000 + np.rint(samples[:, 0] * 1e9)).astype(np.uint64)
-    again = record(tmp_path / "again.hdf5", [("4", parameters, samples)])
-    tracks, others = import_mpi(path).tracks, import_mpi(again).tracks
-    assert tracks is not None and others is not None
-    assert tracks.t_s == pytest.approx(others.t_s, abs=1e-6)
-
-
 def test_many_recordings_are_one_dataset_with_a_session_each(tmp_path: Path) -> None:
     first = record(tmp_path / "mn5008_backspin.hdf5", [(name, *flight()) for name in ("10", "2", "0")])
     second = record(tmp_path / "no_spin_robot.hdf5", [("0", *flight((1140.0,) * 3))], ROBOT_NAMES)
@@ -209,44 +158,26 @@ def test_samples_without_a_ball_and_empty_launches_are_left_out(tmp_path: Path) 
     assert dataset.tracks.x_m[0] == pytest.approx(samples[3, 1])
 
 
-def spoil(name: str, values: object) -> Callable[[Any], None]:
-    """What puts other values into launch 4, or nothing at all."""
+def spoil(name: str, values: object, row: int | None = None) -> Callable[[Any], None]:
+    """What puts other values into launch 4, or nothing at all; row: into that one alone."""
     def change(file: Any) -> None:
+        if row is not None:
+            file[f"originals/4/{name}"][row] = values
+            return
         del file[f"originals/4/{name}"]
         if values is not None:
             file[f"originals/4/{name}"] = values
     return change
 
 
-def spoil_sample(file: Any) -> None:
-    file["originals/4/positions"][30, 2] = np.nan
-
-
-def repeat_stamp(file: Any) -> None:
-    file["originals/4/time_stamps"][30] = file["originals/4/time_stamps"][29]
-
-
-def without_originals(file: Any) -> None:
-    file.move("originals", "filtered")
-
-
-def no_group(file: Any) -> None:
-    file["originals/5"] = 3.0
-
-
 @pytest.mark.parametrize(("change", "says"), [
     (spoil("time_stamps", None), ", group 4: time_stamps is missing"),
-    (spoil("launch_param", None), ", group 4: launch_param is missing"),
     (spoil("launch_param", [0.5, 0.5]), ", group 4: launch_param has not 5 numbers (phi_cmd, theta_cmd, motor"),
     (spoil("launch_param", [0.5, 0.5, -1.0, -1.0, -1.0]), ", group 4: motor_bottom_rpm: -1 is not a speed in rpm"),
-    (spoil("launch_param", [0.5, 0.5, 0.4, 9.0, 9.0]), ", group 4: motor_top_left_rpm: 0.4 is not a speed in rpm"),
-    (spoil("launch_param", [0.5, np.nan, 9.0, 9.0, 9.0]), ", group 4:1: theta_cmd: nan is not a finite number"),
     (spoil("positions", np.zeros((99, 3))), ", group 4: positions has not 3 numbers for each of time_stamps"),
-    (spoil("positions", "far"), ", group 4: positions holds no numbers"),
-    (spoil_sample, ", group 4:31: z_m: nan is not a finite number"),
-    (repeat_stamp, ", group 4:31: t_s: does not follow the sample before of the same launch"),
-    (without_originals, ": has no group 'originals' with launches in it"),
-    (no_group, ", group 5: is not a group"),
+    (spoil("positions", np.nan, 30), ", group 4:31: x_m: nan is not a finite number"),
+    (spoil("time_stamps", 0.0, 30), ", group 4:31: t_s: does not follow the sample before of the same launch"),
+    (lambda file: file.move("originals", "filtered"), ": has no group 'originals' with launches in it"),
 ])
 def test_what_is_wrong_with_a_launch_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str],
                                               change: Callable[[Any], None], says: str) -> None:
@@ -267,24 +198,6 @@ def test_a_file_that_is_cut_short_or_stands_twice_is_refused(tmp_path: Path) -> 
         import_mpi(path)
     with pytest.raises(InputError, match=r"missing\.hdf5: not a readable HDF5 file .*No such file"):
         import_mpi(tmp_path / "missing.hdf5")
-
-
-def test_without_the_package_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = record(tmp_path / "spin.hdf5", [("4", *flight())])
-    monkeypatch.setitem(__import__("sys").modules, "h5py", None)
-    with pytest.raises(InputError, match=r"needs h5py: pip install ./proof"):
-        import_mpi(path)
-
-
-@pytest.mark.data
-def test_the_real_launches_are_the_same_out_of_recordings(tmp_path: Path, data_dir: Path) -> None:
-    tables = [data_dir / f"real/mpi_{name}.csv" for name in ("launches", "tracks")]
-    launches, tracks = ([list(row.values()) for row in csv.DictReader(path.open(newline=""))] for path in tables)
-    files = [record(tmp_path / name, of_tables([row for row in launches if row[0] == kind], tracks), names)
-             for kind, name, names in (("backspin", "mn5008_backspin.hdf5", BALL_NAMES),
-                                       ("no_spin", "mn5008_no_spin.hdf5", BALL_NAMES),
-                                       ("no_spin_robot", "no_spin_robot.hdf5", ROBOT_NAMES))]
-    assert_same(import_mpi(*files), import_mpi(*tables), 1e-9)
 
 
 # --- import ball butler
@@ -327,13 +240,6 @@ def test_a_flight_of_a_few_samples_is_left_out_and_said(tmp_path: Path) -> None:
     assert dataset.shots.shot_id == ("s4-00",) and dataset.left_out == ("s4-01: fewer than 8 samples",)
     with pytest.raises(InputError, match=r"flights\.csv: has no flight of 8 samples"):
         import_ball_butler(csv_of(tmp_path, throws("s4-00", 5.0, count=7)))
-
-
-def test_a_time_that_goes_back_is_named_by_its_line(tmp_path: Path) -> None:
-    rows = throws("s4-00", 5.0)
-    rows[20][1] = rows[10][1]
-    with pytest.raises(InputError, match=r"flights\.csv:22: t_s: does not follow the sample before"):
-        import_ball_butler(csv_of(tmp_path, rows))
 
 
 def throw(yaw_deg: float, air: float = 0.0) -> np.ndarray:
@@ -387,28 +293,14 @@ def test_of_a_recording_the_free_flight_is_cut_out(tmp_path: Path, air: float) -
         assert left < first <= left + 30 and met - 30 <= first + len(z_m) <= met
 
 
-def test_cameras_that_disagree_do_not_end_a_flight(tmp_path: Path) -> None:
-    place = throw(5.0)
-    place[250:] += (1.5, -1.0, 0.5)
-    place[300:] += np.random.default_rng(1).normal(0.0, 0.3, (len(place) - 300, 3))
-    whole, broken = (import_ball_butler(recording(tmp_path, {"b0": [(1, one)]})).tracks for one in (throw(5.0), place))
-    assert whole is not None and broken is not None and abs(len(whole.t_s) - len(broken.t_s)) <= 4
-
-
 @pytest.mark.parametrize(("change", "told"), [
     ({"Markers": 3}, r"session9\.json: .*\$\.Markers"),
     ({"Timebase": {"Frequency": 0.0}}, r"session9\.json: Timebase: Frequency: 0; expected 20 to 100000 Hz"),
-    ({"Timebase": {"Frequency": 1e-300}}, r"Frequency: 1e-300; expected 20 to 100000 Hz"),
     ({"Timebase": {}}, r"missing required field `Frequency`"),
     ({"Markers": [{"Name": "b0", "Parts": [{"Range": {"Start": 10**30}, "Values": []}]}]},
      r"'b0' has a frame or place"),
     ({"Markers": [{"Name": "b0", "Parts": [{"Range": {"Start": 1}, "Values": [[1e300, 0.0, 0.0, 0.0]]}]}]},
      r"'b0' has a frame or place"),
-    ({"Markers": [{"Name": "b0", "Parts": [{"Range": {"Start": 1}, "Values": [[None, 0.0, 0.0, 0.0]]}]}]},
-     r"session9\.json: is not a recording"),
-    ({"Markers": [{"Name": "b0", "Parts": [{"Range": {"Start": 1}, "Values": []}]}]}, r"has no flight of 8 samples"),
-    ({"Markers": [{"Name": "b0", "Parts": [{"Range": {"Start": 1}, "Values": [[1.0, 2.0]]}]}]},
-     r"session9\.json: .*Markers\[0\]\.Parts|session9\.json: .*\[\.\.\.\]"),
     ({"Markers": [{"Name": "b0", "Parts": []}] * 2}, r"session9\.json: Markers: two have the name 'b0'"),
     ({"Markers": []}, r"session9\.json: has no flight of 8 samples"),
 ])
@@ -417,21 +309,3 @@ def test_a_recording_that_is_none_is_refused(tmp_path: Path, change: dict[str, o
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
     with pytest.raises(InputError, match=told):
         import_ball_butler(path)
-
-
-def test_a_recording_that_ends_early_is_refused(tmp_path: Path) -> None:
-    path = recording(tmp_path, {"b0": [(1, throw(5.0))]})
-    path.write_text(path.read_text()[:4000])
-    with pytest.raises(InputError, match=r"session9\.json: is not a recording of Qualisys Track Manager"):
-        import_ball_butler(path)
-
-
-@pytest.mark.data
-def test_the_recorded_session_is_read_and_is_plausible(data_dir: Path, tmp_path: Path) -> None:
-    out = tmp_path / "session-3"
-    session = data_dir / "real" / "ball_butler_tracks.csv"
-    assert truearc.main(["import", "ball-butler", str(session), "-o", str(out)]) == 0
-    dataset = load_dataset(out)
-    assert len(dataset.shots) == 20 and dataset.tracks is not None and len(dataset.tracks.t_s) == 3885
-    assert dataset.rig == RIG
-    assert check_plausible(dataset).accepted == ()

@@ -29,14 +29,20 @@ SMALL = Settings(base_seed=5, draws=2, configurations=30, transfer=12, repeats=R
 
 def shoot(shots: Shots, rng: np.random.Generator) -> np.ndarray:
     """Outcomes [n, REPEATS] of each configuration."""
+    lucks = SCATTER * rng.normal(size=(REPEATS, len(shots)))
+    return np.stack([classify(FACTS, heights(shots, luck)) for luck in lucks], axis=1)
+
+
+def heights(shots: Shots, luck: np.ndarray) -> np.ndarray:
+    """Of the truth at the target; luck [n]: of the logarithm of the speed."""
     start = launch_of(FACTS, shots)
-    outcomes = []
-    for _ in range(REPEATS):
-        speed = start.speed_m_s * EFFICIENCY * np.exp(rng.normal(0.0, SCATTER, len(shots)))
-        height_m = fly_rows(FACTS, TRUTH, Exit(speed, start.elevation_rad, start.spin_rev_s),
-                            shots.number("distance_m")).height_m
-        outcomes.append(classify(FACTS, height_m))
-    return np.stack(outcomes, axis=1)
+    speed_m_s = start.speed_m_s * EFFICIENCY * np.exp(luck)
+    return fly_rows(FACTS, TRUTH, Exit(speed_m_s, start.elevation_rad, start.spin_rev_s),
+                    shots.number("distance_m")).height_m
+
+
+def shots_of(**columns: np.ndarray) -> Shots:
+    return Shots(tuple(map(str, range(len(columns["hood_deg"])))), columns, {})
 
 
 def labelled(shots: Shots, rng: np.random.Generator) -> Shots:
@@ -56,19 +62,12 @@ def configurations(count: int, rng: np.random.Generator) -> Shots:
     low, high = np.full(count, 0.2), np.full(count, 1.0)
     for _ in range(16):
         middle = 0.5 * (low + high)
-        height_m = heights(distance_m, hood_deg, middle)
+        height_m = heights(shots_of(distance_m=distance_m, hood_deg=hood_deg, motor_ratio=middle), np.zeros(count))
         above = np.nan_to_num(height_m, nan=0.0) > FACTS.target.centre_height_m
         low, high = np.where(above, low, middle), np.where(above, middle, high)
     ratio = high * (1.0 + rng.choice([0.0, 0.02, 0.12], count) * rng.choice([-1.0, 1.0], count))
     ids = tuple(f"real-c{k:04d}" for k in range(count))
     return Shots(ids, {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": np.minimum(ratio, 1.0)}, {})
-
-
-def heights(distance_m: np.ndarray, hood_deg: np.ndarray, ratio: np.ndarray) -> np.ndarray:
-    shots = Shots(tuple(map(str, range(len(ratio)))), {"hood_deg": hood_deg, "motor_ratio": ratio}, {})
-    start = launch_of(FACTS, shots)
-    return fly_rows(FACTS, TRUTH, Exit(start.speed_m_s * EFFICIENCY, start.elevation_rad, start.spin_rev_s),
-                    distance_m).height_m
 
 
 def make_pool(seed: int = 1) -> Pool:
@@ -131,12 +130,8 @@ def _loose(count, rng):
 
 
 def _shoot(rows, rng):
-    columns = {name: np.array([getattr(row, name) for row in rows]) for name in
-               ("distance_m", "motor_ratio", "hood_deg")}
-    start = launch_of(FACTS, Shots(tuple(map(str, range(len(rows)))), columns, {}))
-    speed = start.speed_m_s * EFFICIENCY * np.exp(rng.normal(0.0, SCATTER, len(rows)))
-    start = Exit(speed, start.elevation_rad, start.spin_rev_s)
-    height_m = fly_rows(FACTS, TRUTH, start, columns["distance_m"]).height_m
+    shots = shots_of(**{name: np.array([getattr(row, name) for row in rows]) for name in LAUNCHABLE})
+    height_m = heights(shots, SCATTER * rng.normal(size=len(rows)))
     sides = np.where(np.nan_to_num(height_m, nan=-1.0) > FACTS.target.centre_height_m, "miss-high", "miss-low")
     said = classify(FACTS, height_m)
     return np.where(said == "miss", sides, said).tolist()

@@ -1,4 +1,4 @@
-"""The doctor listens to emulated devices on a virtual bus: well ones, and each of the things that go wrong with one."""
+"""The doctor listens to emulated devices, well and with each of the things that go wrong; SPARKs and advice, too."""
 
 import itertools
 import math
@@ -10,16 +10,22 @@ from msgspec.structs import replace
 
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.good_tick import CONFIG
+from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, only_advice
 from truearc.cli.doctor_checks import look_at_bus
 from truearc.errors import InputError
 from truearc.hw.devices.canandmag import CanandmagNode
-from truearc.hw.devices.family import FAILURE, OK, WARNING, listen
+from truearc.hw.devices.family import FAILURE, OK, WARNING, Finding, Heard
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
+from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
+from truearc.hw.devices.spark.family import SparkConfig, check_firmware
 from truearc.hw.devices.spark.frames import CONTROLLER_HEARTBEAT, locked_spark
-from truearc.hw.emulated.nodes import StepClock, Twin
-from truearc.hw.protocols import Frame, LinkLost
+from truearc.hw.emulated.nodes import Node, StepClock, Twin
+from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
-from truearc.robot.doctor import load_endpoints
+from truearc.robot.doctor import check_devices, check_heartbeat_lock, load_endpoints, questions
+from truearc.robot.motors import name_axes
 from truearc_proof.world.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 
 CHANNELS = itertools.count()
@@ -87,8 +93,11 @@ def fault(kind, frame_id=None, length=0):
     return (Fault(kind, 0, ALWAYS, frame_id, length),)
 
 
-def test_a_well_robot_passes_everything(endpoints):
-    findings = Bench().findings(endpoints)
+def test_a_well_robot_passes_everything_and_nothing_moves_or_changes(endpoints):
+    bench = Bench()
+    findings = bench.findings(endpoints)
+    assert all(node.state == 1 and node.errors == 0 for name, node in bench.nodes.items() if name in NAMES)
+    assert all(node.bad_frames == 0 for node in bench.nodes.values())
     assert levels(findings, OK) == set(findings) and len(findings) == 2 + 4 * 7 + 5 + 1      # and what the feeder keeps
     assert findings["hood motor, limit switch"].says.startswith("told as open")
     assert findings["hood, switch and encoder"].says == "the encoder reads 28.6 deg, the limit switch at 15 deg is open"
@@ -96,17 +105,14 @@ def test_a_well_robot_passes_everything(endpoints):
     assert findings["hood motor, watchdog"].says == "0.1 s"
 
 
-def test_listening_moves_and_changes_nothing(endpoints):
-    bench = Bench()
-    bench.findings(endpoints)
-    assert all(node.state == 1 and node.errors == 0 for name, node in bench.nodes.items() if name in NAMES)
-    assert all(node.bad_frames == 0 for node in bench.nodes.values())
-
-
-def test_without_a_table_what_it_could_not_ask_is_one_warning():
+def test_without_table_or_anybody_it_says_so_and_revisions_matter_less():
     findings = Bench().findings()
     assert levels(findings, FAILURE) == set()
     assert levels(findings, WARNING) == {"settings of flywheel motor 1, flywheel motor 2, hood motor, feeder motor"}
+    findings = Bench(faults={name: fault(UNPLUGGED) for name in (*NAMES, "hood_encoder")}).findings()
+    assert findings["bitrate"].level == FAILURE and "nothing at all" in findings["bitrate"].says
+    assert Bench({"feeder": replace(SETTINGS["feeder"], firmware=(0, 6, 11))}).findings()[
+        "feeder motor, firmware"].level == OK
 
 
 @pytest.mark.parametrize(("device", "name"), [("flywheel_b", "flywheel motor 2"), ("hood", "hood motor"),
@@ -117,21 +123,16 @@ def test_a_silent_axis_is_named_and_no_other(endpoints, device, name):
     assert "silent" in findings[f"{name}, status rates"].says and "power" in findings[f"{name}, status rates"].do
 
 
-def test_a_silent_hood_encoder_is_a_failure(endpoints):
+def test_what_is_wrong_with_the_hood_encoder_is_named(endpoints):
     findings = Bench(faults={"hood_encoder": fault(SILENT)}).findings(endpoints)
     assert levels(findings, FAILURE) == {"hood encoder"} and "device 5 is silent" in findings["hood encoder"].says
-
-
-def test_a_lost_magnet_is_a_failure(endpoints):
     bench = Bench()
     bench.nodes["hood_encoder"].magnet_ok = False
     findings = bench.findings(endpoints)
     assert levels(findings, FAILURE) == {"hood encoder"} and "magnet" in findings["hood encoder"].says
-
-
-def test_a_bus_without_anybody_says_so():
-    findings = Bench(faults={name: fault(UNPLUGGED) for name in (*NAMES, "hood_encoder")}).findings()
-    assert findings["bitrate"].level == FAILURE and "nothing at all" in findings["bitrate"].says
+    bench = Bench(more=(CanandmagNode(CONFIG.hood_encoder.device, SpinningPlant(), 40.0, 1),))
+    finding = bench.findings()["hood encoder"]
+    assert finding.level == FAILURE and "two devices have number 5" in finding.says
 
 
 @pytest.mark.parametrize(("firmware", "level"), [((0, 5, 6), FAILURE), ((0, 7, 0), FAILURE), ((0, 6, 11), WARNING)])
@@ -140,11 +141,6 @@ def test_the_wrong_firmware(firmware, level):
     findings = Bench({"hood": settings}).findings()
     assert findings["hood motor, firmware"].level == level
     assert ".".join(map(str, firmware)) in findings["hood motor, firmware"].says
-
-
-def test_another_revision_matters_only_where_a_parameter_is_read():
-    assert Bench({"feeder": replace(SETTINGS["feeder"], firmware=(0, 6, 11))}).findings()[
-        "feeder motor, firmware"].level == OK
 
 
 @pytest.mark.parametrize(("changes", "level", "words"), [
@@ -160,16 +156,17 @@ def test_status_rates(changes, level, words):
     assert (finding.do == "") == (level == OK)
 
 
-def test_frames_that_cannot_be_are_a_failure():
+def test_torn_frames_standing_errors_and_a_mute_switch_are_told():
     finding = Bench(faults={"flywheel_a": fault(TRUNCATED, 0x29, 4)}).findings()["flywheel motor 1, errors"]
     assert finding.level == FAILURE and "0x029" in finding.says
-
-
-def test_a_standing_error_is_told_in_words():
     bench = Bench()
     bench.nodes["feeder"].errors = 0x2000
     finding = bench.findings()["feeder motor, errors"]
     assert finding.level == WARNING and "motor too hot" in finding.says
+    bench = Bench(wrap=lambda name, node: Spoilt(node, lambda frame: frame._replace(arbitration_id=0x7FE)
+                                                 if frame.arbitration_id == 0x65 else frame))
+    finding = bench.findings()["hood motor, limit switch"]
+    assert finding.level == FAILURE and "596" in finding.says
 
 
 def test_two_devices_with_one_number():
@@ -180,12 +177,6 @@ def test_two_devices_with_one_number():
     assert "000000000ABC, 385F324D3037" in finding.says
     assert levels(findings, FAILURE) == {"feeder motor, firmware", "device numbers"}
     assert "0x081 20/s instead of 10/s" in findings["device numbers"].says
-
-
-def test_two_encoders_with_one_number():
-    bench = Bench(more=(CanandmagNode(CONFIG.hood_encoder.device, SpinningPlant(), 40.0, 1),))
-    finding = bench.findings()["hood encoder"]
-    assert finding.level == FAILURE and "two devices have number 5" in finding.says
 
 
 class Spoilt:
@@ -257,13 +248,6 @@ def test_feedback_that_comes_late_is_a_failure(late_ms, level):
         assert late_ms <= told_ms <= late_ms + 15
 
 
-def test_a_limit_switch_that_is_not_told_is_a_failure():
-    bench = Bench(wrap=lambda name, node: Spoilt(node, lambda frame: frame._replace(arbitration_id=0x7FE)
-                                                 if frame.arbitration_id == 0x65 else frame))
-    finding = bench.findings()["hood motor, limit switch"]
-    assert finding.level == FAILURE and "596" in finding.says
-
-
 @pytest.mark.parametrize(("hood_deg", "closed", "level", "words"), [
     (40.0, True, FAILURE, "40.0 deg, the limit switch at 15 deg is closed"), (15.2, True, OK, "closed"),
     (10.0, False, FAILURE, "travel is 15 to 75"), (80.0, False, FAILURE, "travel"), (74.0, False, OK, "open"),
@@ -289,17 +273,11 @@ def test_settings_inside_an_axis(endpoints, changes, check, level, words):
     assert finding.level == level and words in finding.says and finding.do
 
 
-def test_an_axis_that_does_not_know_a_parameter(endpoints):
+def test_tables_of_another_firmware_or_axis_are_told(endpoints):
     findings = Bench({"flywheel_b": OdriveSettings()}).findings(endpoints)
     assert levels(findings, WARNING) == {"flywheel motor 2, watchdog", "flywheel motor 2, encoder filter"}
-
-
-def test_the_table_of_another_firmware(endpoints):
     findings = Bench().findings(replace(endpoints, firmware="0.6.9"))
     assert "hood motor, parameter numbers" in levels(findings, FAILURE)
-
-
-def test_a_limit_switch_that_the_table_knows_as_something_else(endpoints):
     ids = dict(endpoints.ids) | {"axis0.min_endstop.endstop_state": 600, "vbus_voltage": 596}
     finding = Bench().findings(replace(endpoints, ids=ids))["hood motor, parameter numbers"]
     assert finding.level == FAILURE and "596 is vbus_voltage" in finding.says
@@ -313,13 +291,6 @@ def test_a_table_that_is_none_is_named(tmp_path, text):
     path.write_text(text)
     with pytest.raises(InputError, match=r"table\.json"):
         load_endpoints(path)
-
-
-def test_a_robot_controller_on_the_bus_is_a_failure():
-    bench = Bench()
-    bench.more = [Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)]
-    finding = bench.findings()["heartbeat lock"]
-    assert finding.level == FAILURE and "robot controller is on this bus" in finding.says
 
 
 @pytest.mark.data
@@ -339,9 +310,81 @@ def test_a_locked_spark_is_told_by_the_makers_own_table(data_dir):
     assert finding.level == FAILURE and "SPARK 7" in finding.says and "power off" in finding.do
 
 
-def test_an_adapter_that_goes_away_is_a_lost_link():
-    bench = Bench()
-    bench.near.close()
-    with pytest.raises(LinkLost):
-        listen(bench.near, bench.clock, [], 1.0)
-    bench.far.close()
+MS, ALWAYS = 1_000_000, 1 << 60
+PLANT = SpinningPlant()
+MOTORS = {"flywheel motor 1": "flywheel_a", "flywheel motor 2": "flywheel_b", "hood motor": "hood",
+          "feeder motor": "feeder"}
+
+
+def hear(nodes: list[Node], config) -> dict[str, Finding]:
+    """Findings of the doctor from a second of these devices, each queried once and stamped as a bus would."""
+    frames = [answer for question in questions(config, None) for node in nodes
+              if (question.arbitration_id, question.is_extended) in node.ids() for answer in node.receive(question, 0)]
+    for t_ns in range(MS, 1000 * MS, MS):
+        frames += [frame._replace(t_ns=t_ns) for node in nodes if node.due_ns() <= t_ns for frame in node.step(t_ns)]
+    return {finding.check: finding for finding in check_devices(config, None, Heard(tuple(frames), 1.0))}
+
+
+def sparks(config, faults=(), settings: SparkSettings | None = None) -> list[Node]:
+    """The configuration's SPARKs; the hood's has the faults and settings."""
+    nodes: list[Node] = []
+    for name, axis in name_axes(config):
+        if isinstance(axis, SparkConfig):
+            mine = settings if name == "hood motor" else None
+            node = SparkNode(axis, MOTORS[name], PLANT, mine,
+                             PLANT.hood_at_limit if axis.has_endstop else None)
+            nodes.append(FaultyNode(node, faults) if name == "hood motor" else node)
+    return nodes
+
+
+@pytest.mark.parametrize(("fault", "settings", "check", "level", "words"), [
+    (Fault(UNPLUGGED, 0, ALWAYS), None, "firmware", FAILURE, "device 3 does not answer"),
+    (Fault(SILENT, 0, ALWAYS), None, "status", FAILURE, "device 3 is silent"),
+    (None, SparkSettings(firmware=(24, 0, 1)), "firmware", FAILURE, "24.0.1"),
+    (None, SparkSettings(firmware=(27, 0, 0)), "firmware", FAILURE, "27.0.0"),
+    (Fault(TRUNCATED, 0, ALWAYS, frame_id=0x0205B803, length=3), None, "status", FAILURE, "cannot be"),
+    (Fault(TRUNCATED, 0, ALWAYS, frame_id=0x02052603, length=1), None, "firmware", FAILURE, "cannot be read"),
+])
+def test_what_is_wrong_with_a_spark_is_said(fault, settings, check, level, words):
+    finding = hear(sparks(SPARK_HOOD, (fault,) if fault else (), settings), SPARK_HOOD)[f"hood motor, {check}"]
+    assert finding.level == level and words in finding.says and finding.do
+
+
+def test_standing_faults_and_doubled_numbers_are_told():
+    (node,) = sparks(SPARK_HOOD, settings=SparkSettings(faults=0x10))
+    node.receive(spark.make_statuses(SPARK_HOOD.axes.hood, spark.STATUSES), 0)      # as a run leaves it
+    finding = hear([node], SPARK_HOOD)["hood motor, status"]
+    assert finding.level == WARNING and "too hot" in finding.says
+    both = sparks(SPARK_HOOD) + sparks(SPARK_HOOD)
+    findings = hear(both, SPARK_HOOD)
+    assert "2 devices answer as 3" in findings["hood motor, firmware"].says
+    assert "0x0205b803 200/s instead of 100/s" in findings["device numbers"].says
+
+
+def test_two_unique_ids_and_a_controller_with_the_say_are_told():
+    (node,) = sparks(SPARK_HOOD)
+    frame_id = spark.frame_id(SPARK_HOOD.axes.hood, "UNIQUE_ID_BROADCAST")
+    assert frame_id == 0x0205BC03
+    told = [Frame(0, frame_id, bytes([number] * 4), is_extended=True) for number in (1, 2, 1)]
+    answer = node.receive(spark.make_version_query(SPARK_HOOD.axes.hood), 0)
+    for frames, level in ((told[:1] + told[2:], OK), (told, FAILURE)):
+        finding = check_firmware("hood motor", SPARK_HOOD.axes.hood, Heard((*answer, *frames), 2.0))
+        assert finding.level == level and ("2 devices" in finding.says) == (level == FAILURE)
+    lock = Frame(
+        0, spark.frame_id(spark.SparkAxis(3, 1, False), "STATUS_0"), bytes([0] * 6 + [0x20, 0]), is_extended=True
+    )
+    alive = Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)
+    for frame in (lock, alive):
+        heard = Heard((frame,), 1.0)
+        assert check_heartbeat_lock([axis for _, axis in name_axes(ALL_SPARK)], heard).level == FAILURE
+        assert check_heartbeat_lock([axis for _, axis in name_axes(only_advice("spark"))], heard).level == OK
+    assert locked_spark(lock) == 3 and locked_spark(lock._replace(data=bytes(3))) is None
+
+
+def test_of_advisory_axes_nothing_is_asked_and_each_must_be_heard():
+    config = only_advice("odrive")
+    assert questions(config, None) == []
+    there = OdriveNode(OdriveAxis(11, 1), "flywheel_a", PLANT)
+    findings = hear([there], config)
+    assert findings["flywheel motor 1, status"].level == OK
+    assert findings["flywheel motor 2, status"].level == FAILURE

@@ -22,17 +22,7 @@ from truearc.hw.devices.family import FAILURE, OK, WARNING, Heard
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.system import CanLink, Exposure, parse_link, read_exposure
-from truearc.robot.doctor import (
-    check_adapter,
-    check_bitrate,
-    check_box,
-    check_camera,
-    check_clock,
-    check_disk,
-    check_exposure,
-    check_model,
-    check_real_time,
-)
+from truearc.robot import doctor
 
 # As iproute2 prints a gs_usb adapter and a virtual interface.
 CAN0 = ('[{"ifindex":3,"ifname":"can0","flags":["NOARP","UP","LOWER_UP","ECHO"],"mtu":16,"operstate":"UP",'
@@ -45,9 +35,11 @@ WELL = CanLink(True, 64, "ERROR-ACTIVE", 1_000_000, 100)
 HEARD = Heard((None,) * 50, 1.0)
 
 
-def test_an_interface_is_read_as_ip_prints_it():
-    assert parse_link(CAN0) == WELL
+def test_an_interface_is_read_as_ip_prints_it_or_is_none(monkeypatch):
+    assert parse_link(CAN0) == WELL and parse_link("{no") is None
     assert parse_link(VCAN0) == CanLink(True, 1000, None, None, None)
+    monkeypatch.setenv("PATH", "")
+    assert truearc.hw.real.system.read_link("can0") is None and truearc.hw.real.system.is_clock_synchronised() is None
 
 
 @given(st.recursive(st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(),
@@ -55,11 +47,6 @@ def test_an_interface_is_read_as_ip_prints_it():
                         st.sampled_from(["linkinfo", "info_data", "bittiming", "flags", "txqlen"]), inner)))
 def test_whatever_else_it_prints_raises_nothing(said):
     parse_link(msgspec.json.encode(said).decode())
-
-
-@given(st.text())
-def test_what_is_no_json_is_no_interface(text):
-    assert parse_link("{" + text) is None
 
 
 @pytest.mark.parametrize(("link", "level", "words"), [
@@ -73,7 +60,7 @@ def test_what_is_no_json_is_no_interface(text):
     (CanLink(True, None, None, None, None), OK, "up"),
 ])
 def test_the_adapter(link, level, words):
-    finding = check_adapter(CONFIG.can, link)
+    finding = doctor.check_adapter(CONFIG.can, link)
     assert finding.level == level and words in finding.says and bool(finding.do) == (level != OK)
 
 
@@ -82,7 +69,7 @@ def test_the_adapter(link, level, words):
     (WELL, Heard((), 1.0), FAILURE),
 ])
 def test_the_bitrate(link, heard, level):
-    assert check_bitrate(CONFIG.can, link, heard).level == level
+    assert doctor.check_bitrate(CONFIG.can, link, heard).level == level
 
 
 @pytest.mark.parametrize(("free_bytes", "writable", "level"), [
@@ -90,16 +77,16 @@ def test_the_bitrate(link, heard, level):
     (30_000_000_000, False, FAILURE), (None, True, FAILURE),
 ])
 def test_a_disk_that_is_nearly_full(free_bytes, writable, level):
-    assert check_disk(Path("sessions"), free_bytes, writable).level == level
+    assert doctor.check_disk(Path("sessions"), free_bytes, writable).level == level
 
 
 @pytest.mark.parametrize(("synchronised", "level"), [(True, OK), (False, WARNING), (None, WARNING)])
 def test_the_time_of_day(synchronised, level):
-    assert check_clock(synchronised).level == level
+    assert doctor.check_clock(synchronised).level == level
 
 
 def test_what_the_system_refuses_is_a_warning_with_its_reason():
-    findings = check_real_time([("real-time scheduling (SCHED_FIFO 50)", "Operation not permitted"),
+    findings = doctor.check_real_time([("real-time scheduling (SCHED_FIFO 50)", "Operation not permitted"),
                                 ("locked memory", "")])
     assert [finding.level for finding in findings] == [WARNING, OK] and "not permitted" in findings[0].says
 
@@ -110,11 +97,11 @@ def test_what_the_system_refuses_is_a_warning_with_its_reason():
 ])
 def test_exposure(exposure, level):
     fixed = replace(CONFIG.camera, exposure_s=0.005)
-    assert check_exposure(fixed, exposure).level == OK and "5 ms" in check_exposure(fixed, exposure).says
-    finding = check_exposure(CONFIG.camera, exposure)           # 20 images/s: 50 ms from one to the next
+    assert doctor.check_exposure(fixed, exposure).level == OK and "5 ms" in doctor.check_exposure(fixed, exposure).says
+    finding = doctor.check_exposure(CONFIG.camera, exposure)           # 20 images/s: 50 ms from one to the next
     assert finding.level == level and bool(finding.do) == (level != OK)
     for camera in (fixed, CONFIG.camera):                       # whatever is stated, nothing here can ask
-        finding = check_exposure(replace(camera, device="http://camera.local/stream"), None)
+        finding = doctor.check_exposure(replace(camera, device="http://camera.local/stream"), None)
         assert finding.level == WARNING and "network camera" in finding.says and "v4l2" not in finding.do
 
 
@@ -135,11 +122,6 @@ def test_a_cameras_controls_are_asked_as_the_kernel_defines_them(monkeypatch, tm
     (tmp_path / "video").touch()
     assert read_exposure(str(tmp_path / "video")) == exposure
     assert read_exposure(str(tmp_path / "none")) is None
-
-
-def test_what_a_tool_does_not_say_is_none(monkeypatch):
-    monkeypatch.setenv("PATH", "")
-    assert truearc.hw.real.system.read_link("can0") is None and truearc.hw.real.system.is_clock_synchronised() is None
 
 
 class Showing:
@@ -178,7 +160,7 @@ def dark(noise, floor=4.0, hot=0, lamp=0):
     ([LinkLost(CAMERA_ERROR(camera="0", detail="gone"))], FAILURE, "gone"),
 ])
 def test_images(images, level, words):
-    finding = check_camera(Showing(*images), Time())
+    finding = doctor.check_camera(Showing(*images), Time())
     assert finding.level == level and words in finding.says
 
 
@@ -189,7 +171,7 @@ def test_images(images, level, words):
 def test_the_button_box(data, lost, level, words):
     box = Stream()
     box.data, box.lost = data, lost
-    finding = check_box(box, Time())
+    finding = doctor.check_box(box, Time())
     assert finding.level == level and words in finding.says
 
 
@@ -197,13 +179,13 @@ def test_the_gate_model(tmp_path):
     path = tmp_path / "gate.onnx"
     path.write_bytes(build())
     asked = replace(CONFIG.gate, policy="model")
-    assert check_model(CONFIG.gate, None).level == OK and check_model(asked, None).level == FAILURE
-    finding = check_model(asked, path)
+    assert doctor.check_model(CONFIG.gate, None).level == OK and doctor.check_model(asked, None).level == FAILURE
+    finding = doctor.check_model(asked, path)
     assert finding.level == OK and "hood_deg 20 to 60" in finding.says
     path.write_bytes(build(metadata=METADATA | {"truearc.contract_sha256": "0" * 64}))
-    finding = check_model(asked, path)
+    finding = doctor.check_model(asked, path)
     assert finding.level == FAILURE and "another contract" in finding.says
-    assert check_model(CONFIG.gate, tmp_path / "nowhere.onnx").level == FAILURE
+    assert doctor.check_model(CONFIG.gate, tmp_path / "nowhere.onnx").level == FAILURE
 
 
 @pytest.fixture

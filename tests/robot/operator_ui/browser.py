@@ -6,6 +6,7 @@ import os
 import select
 import shutil
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -112,3 +113,21 @@ class Browser:
             self._frames.append(base64.b64decode(message["params"]["data"]))
             self._send("Page.screencastFrameAck", sessionId=message["params"]["sessionId"])    # or no more would come
         return message
+
+
+class Shower:
+    """Shows a page the same tick a hundred times a second; None: nothing."""
+
+    def __init__(self, page):
+        self.tick, self._page, self._over = None, page, threading.Event()
+        self._thread = threading.Thread(target=self._show)
+        self._thread.start()
+
+    def _show(self):
+        while not self._over.wait(0.01):
+            if self.tick is not None:
+                self._page.show(self.tick)
+
+    def close(self):
+        self._over.set()
+        self._thread.join()

@@ -9,8 +9,7 @@ from msgspec.structs import replace
 
 from tests.robot.aim_files import sealed
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
-from tests.robot.operator_ui.browser import BROWSER, Browser
-from tests.robot.operator_ui.test_browser import Shower
+from tests.robot.operator_ui.browser import BROWSER, Browser, Shower
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.aim_inbox import MAX_AIM_BYTES, AimInbox, AimOrders
 from truearc.robot.operator_ui.server import OperatorPage

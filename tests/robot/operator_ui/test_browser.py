@@ -1,6 +1,5 @@
 """The page in a browser: FIRE, HOLD, and STALE as soon as the robot sends no more events."""
 
-import threading
 
 import cv2
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
-from tests.robot.operator_ui.browser import BROWSER, Browser
+from tests.robot.operator_ui.browser import BROWSER, Browser, Shower
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.server import OperatorPage
@@ -29,24 +28,6 @@ MANY = step(replace(good_inputs(), faults=(GONE, BOX_SILENT()), sighting=Sightin
 WORD = "document.getElementById('word').innerText"
 STALE_OPACITY = "getComputedStyle(document.getElementById('stale')).opacity"
 SIZES = ((1280, 800), (390, 844), (400, 200))
-
-
-class Shower:
-    """Shows a page the same tick a hundred times a second; None: nothing."""
-
-    def __init__(self, page):
-        self.tick, self._page, self._over = None, page, threading.Event()
-        self._thread = threading.Thread(target=self._show)
-        self._thread.start()
-
-    def _show(self):
-        while not self._over.wait(0.01):
-            if self.tick is not None:
-                self._page.show(self.tick)
-
-    def close(self):
-        self._over.set()
-        self._thread.join()
 
 
 @pytest.fixture(scope="module")

@@ -2,19 +2,19 @@
 
 import json
 import socket
-import threading
+import sys
 import time
 from contextlib import ExitStack
 from http.client import HTTPConnection
 
 import pytest
-from msgspec.structs import replace
 
 import truearc.robot.operator_ui.server
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
+from tests.robot.operator_ui.browser import Shower
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.operator_ui.server import LOOKING, MAX_OF_ADDRESS, PERIOD_S, OperatorPage, PageServer
-from truearc.robot.runtime import ShowingRecorder
+from truearc.robot.operator_ui.aim_inbox import AimOrders
+from truearc.robot.operator_ui.server import LOOKING, MAX_OF_ADDRESS, PERIOD_S, OperatorPage
 from truearc.robot.tick import step
 from truearc.robot.types import Memory
 
@@ -32,17 +32,10 @@ def page():
 @pytest.fixture
 def shown(page):
     """The page, shown the same tick again and again by a thread."""
-    over = threading.Event()
-
-    def show():
-        while not over.wait(0.005):
-            page.show(GOOD)
-
-    thread = threading.Thread(target=show)
-    thread.start()
+    shower = Shower(page)
+    shower.tick = GOOD
     yield page
-    over.set()
-    thread.join()
+    shower.close()
 
 
 def port(page):
@@ -79,7 +72,7 @@ class Events:
         self.line.close()
 
 
-def test_the_page_loads_nothing_from_elsewhere_and_takes_no_orders(page):
+def test_the_page_loads_nothing_from_elsewhere_and_takes_no_orders(page, capfd):
     status, headers, body = ask(page)
     text = body.decode()
     assert status == 200 and headers["Content-Type"].startswith("text/html")
@@ -88,14 +81,15 @@ def test_the_page_loads_nothing_from_elsewhere_and_takes_no_orders(page):
     assert ask(page, "/else")[0] == 404
     for method in ("POST", "PUT", "DELETE", "OPTIONS"):
         assert ask(page, "/", method)[0] == 405
-
-
-@pytest.mark.parametrize("headers", [{"Host": "elsewhere.example"}, {"Host": "elsewhere.example:5808"}, {"Host": ""},
-                                     {"Origin": "http://elsewhere.example"}])
-@pytest.mark.parametrize("path", ["/", "/events"])
-def test_other_sites_learn_nothing(page, headers, path):
-    status, _, body = ask(page, path, **headers)
-    assert status == 403 and page.url.encode() in body
+    with pytest.raises(OSError):
+        OperatorPage(CONFIG, "monday", "127.0.0.1", port(page), MonotonicClock())
+    assert ask(page, Host="[")[0] == ask(page, Origin="http://[")[0] == 403
+    assert ask(page, "/[")[0] == 404 and ask(page, "/?token=%ff[")[0] == 200
+    for method, status in (("GET", b"404"), ("POST", b"405")):
+        with socket.create_connection(("127.0.0.1", port(page)), timeout=10) as line:
+            line.sendall(method.encode() + b" http://[ HTTP/1.0\r\nHost: localhost\r\n\r\n")
+            assert line.recv(12).endswith(status)
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize(("host", "ours", "others"), [
@@ -118,31 +112,13 @@ def test_get_is_answered_under_own_names_alone(host, ours, others):
         page.close()
 
 
-def test_malformed_addresses_are_refused_without_a_traceback(page, capfd):
-    assert ask(page, Host="[")[0] == ask(page, Origin="http://[")[0] == 403
-    assert ask(page, "/[")[0] == 404 and ask(page, "/?token=%ff[")[0] == 200
-    for method, status in (("GET", b"404"), ("POST", b"405")):
-        with socket.create_connection(("127.0.0.1", port(page)), timeout=10) as line:
-            line.sendall(method.encode() + b" http://[ HTTP/1.0\r\nHost: localhost\r\n\r\n")
-            assert line.recv(12).endswith(status)
-    assert capfd.readouterr().err == ""
-
-
-def test_a_port_that_is_taken_is_an_error(page):
-    with pytest.raises(OSError):
-        OperatorPage(CONFIG, "monday", "127.0.0.1", port(page), MonotonicClock())
-
-
-def test_events_carry_the_newest_tick_with_its_number_and_time(shown):
+def test_events_carry_the_newest_tick_twenty_times_a_second_at_most(shown):
     events = Events(shown)
     first, second = events.next(), events.next()
     assert events.answer.headers["Content-Type"] == "text/event-stream"
     assert second["view"]["seq"] > first["view"]["seq"] > 0 and second["t_sent_s"] > first["t_sent_s"]
     assert first["view"]["state"] == "FIRE" and first["view"]["t_robot_s"] == GOOD.inputs.t_ns * 1e-9
     events.close()
-
-
-def test_twenty_a_second_at_most(shown):
     events, began = Events(shown), time.monotonic()
     for _ in range(11):
         events.next()
@@ -200,6 +176,28 @@ def test_only_so_many_may_look_and_one_that_goes_makes_room(shown):
         assert late.next()["view"]["state"] == "FIRE"
 
 
+def stream(page, address, token=""):
+    """The answer to one browser at that address."""
+    line = HTTPConnection("127.0.0.1", port(page), timeout=20, source_address=(address, 0))
+    line.request("GET", f"/events?token={token}")
+    return line.getresponse()
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="has only one loopback address")
+@pytest.mark.parametrize("has_token", [True, False])
+def test_last_place_is_for_who_has_the_token_or_else_for_an_address_that_has_none(tmp_path, has_token):
+    """Whatever addresses the others have."""
+    orders = AimOrders(tmp_path, CONFIG) if has_token else None
+    page = OperatorPage(CONFIG, "monday", "127.0.0.1", 0, MonotonicClock(), orders=orders)
+    token = (tmp_path / "token").read_text().strip() if has_token else ""
+    others = [stream(page, f"127.0.0.{10 + k % (100 if has_token else 8)}") for k in range(LOOKING.most - 1)]
+    refused, late = stream(page, "127.0.0.99" if has_token else "127.0.0.10"), stream(page, "127.0.0.99", token)
+    page.close()
+    for answer in (*others, refused, late):
+        answer.close()
+    assert {answer.status for answer in others} == {200} and (refused.status, late.status) == (503, 200)
+
+
 def test_one_connection_too_many_ends_the_oldest(page):
     with ExitStack() as leaving:
         lines = [leaving.enter_context(socket.create_connection(("127.0.0.1", port(page)), timeout=10))
@@ -225,25 +223,6 @@ def test_the_whole_request_has_one_time_limit(page, monkeypatch, sent):
         assert time.monotonic() > began + 0.5
 
 
-def test_128_connections_may_wait_to_be_accepted():
-    with PageServer("127.0.0.1", 0, None, None) as server, ExitStack() as leaving:
-        for _ in range(128):
-            leaving.enter_context(socket.create_connection(("127.0.0.1", server.server_port), timeout=0.5))
-
-
-def test_showing_waits_for_nobody_even_with_browsers_looking(page):
-    """Not a figure, an order of magnitude: a tick has 5000 us."""
-    streams = [Events(page) for _ in range(4)]
-    took = []
-    for _ in range(2000):
-        before = time.perf_counter()
-        page.show(GOOD)
-        took.append(time.perf_counter() - before)
-    assert sorted(took)[len(took) // 2] < 100e-6
-    for events in streams:
-        events.close()
-
-
 def test_closing_ends_every_stream():
     page = OperatorPage(CONFIG, "", "127.0.0.1", 0, MonotonicClock())
     events = Events(page)
@@ -252,22 +231,3 @@ def test_closing_ends_every_stream():
     page.close()
     assert b"data" not in events.answer.read()
     events.close()
-
-
-class Kept:
-    def __init__(self):
-        self.kept = []
-
-    def record(self, tick, sent):
-        self.kept.append((tick, sent))
-
-    def keep_picture(self, picture):
-        self.kept.append(picture)
-
-
-def test_a_recorder_records_and_shows(page):
-    recorder = Kept()
-    showing = ShowingRecorder(recorder, page)
-    showing.record(replace(GOOD), None)
-    showing.keep_picture("picture")
-    assert recorder.kept == [(GOOD, None), "picture"] and page.newest()[0] == 1

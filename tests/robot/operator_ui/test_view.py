@@ -1,6 +1,8 @@
-"""Ticks as the page shows them."""
+"""Ticks and messages as the page shows them: one message for every code, in the order of importance."""
 
+import errno
 import math
+import os
 
 import msgspec
 import pytest
@@ -10,25 +12,137 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
-from tests.robot.operator_ui.test_driver_messages import aims, angles, memories, motors, numbers
+from tests.robot.samples import check, sample
+from truearc.hw import fault_codes as hw
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.spark import frames as spark
 from truearc.hw.fault_codes import CAMERA_SILENT, CAN_BUS_OFF
-from truearc.robot.operator_ui.view import FIRED_S, RECENT, Glance, PageView, describe, look
-from truearc.robot.reasons import (
-    BOX_SILENT,
-    CAMERA_LOST,
-    CAN_LOST,
-    DISK_FULL,
-    IMAGE_BRIGHT,
-    IMAGE_DARK,
-    NOT_RECORDING,
-    TARGET_NEVER_SEEN,
-    text,
+from truearc.hw.protocols import AngleReading, MotorReading
+from truearc.hw.reason import FAULT, YOU, Reason
+from truearc.robot import reasons as because
+from truearc.robot import reasons as bot
+from truearc.robot.aim import IDLE
+from truearc.robot.estimate import estimate
+from truearc.robot.gate import Rating
+from truearc.robot.operator_ui.view import (
+    FIRED_S,
+    MESSAGES,
+    RECENT,
+    Glance,
+    PageView,
+    describe,
+    find_message,
+    look,
+    tell,
 )
+from truearc.robot.recording.writer import disk_trouble
 from truearc.robot.tick import step
-from truearc.robot.types import Memory, Outcome, Sighting, Tick
+from truearc.robot.types import Aim, Memory, Outcome, Sighting, Tick
+from truearc.robot.verdict import judge
 
-UNPLUGGED = CAMERA_LOST(cause=CAMERA_SILENT(camera="0"))
-GONE = CAN_LOST(cause=CAN_BUS_OFF(bus="CAN"))
+MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
+MOTOR = "flywheel motor 1"
+
+
+def error(motor, *codes):
+    return bot.MOTOR_ERROR(motor=motor, errors=tuple(code() for code in codes))
+
+
+@pytest.mark.parametrize("code", [code for _, code in (*odrive.ERRORS, *spark.ERRORS)], ids=lambda code: code.name)
+def test_every_error_of_a_motor_has_a_message(code):
+    for reason in (error(MOTOR, code), error("hood motor", code, hw.ERROR_WATCHDOG_EXPIRED)):
+        assert find_message(reason) is not None
+    assert code.text in " ".join(tell([error(MOTOR, code)])[0].reasons)
+
+
+def test_unknown_bits_and_codes_without_a_message_are_shown():
+    (told,) = tell([bot.MOTOR_ERROR(motor=MOTOR, errors=odrive.errors_of(0x81000000))])
+    assert told.reasons == (f"{MOTOR}: watchdog expired, error 0x80000000",)
+    moon, sun = bot.IMAGE_DARK(), Reason("the_sun_is_up", {"height_deg": 12.0})
+    told = tell([bot.NOT_ARMED(), moon, sun])
+    assert [one.means for one in told] == [bot.text(moon), "the_sun_is_up (height_deg 12)", "Not armed"]
+    assert told[0].kind == FAULT and tell(()) == ()
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EIO, errno.EDQUOT])
+def test_a_disk_that_refuses_has_a_message(number):
+    trouble = disk_trouble(OSError(number, os.strerror(number)))
+    assert (trouble == bot.DISK_FULL()) == (number == errno.ENOSPC)
+    (told,) = tell([bot.NOT_RECORDING(cause=trouble)])
+    assert told.kind == FAULT and "nothing is recorded" in told.means.lower()
+
+
+stamps = st.sampled_from([0, NOW_NS - seconds(0.004), NOW_NS - seconds(0.3), NOW_NS + seconds(1)])
+numbers = st.floats(allow_nan=True, allow_infinity=True) | st.floats(-400, 400)
+motors = st.builds(MotorReading, t_ns=stamps, position_rad=numbers, velocity_rad_s=numbers, heartbeat_t_ns=stamps,
+                   axis_state=st.sampled_from([0, 1, 8]), axis_error=st.just(0) | st.integers(0, 2**32 - 1))
+angles = st.none() | st.builds(AngleReading, t_ns=stamps, angle_rad=st.floats(0, 6.28), magnet_ok=st.booleans())
+sightings = st.sampled_from([None, good_memory().last_sighting, replace(good_memory().last_sighting, t_ns=1)])
+memories = st.builds(Memory, armed=st.booleans(), homed=st.booleans(), awaiting=st.booleans(), request_t_ns=stamps,
+                     feed_t_ns=stamps, steady_t_ns=stamps, last_sighting=sightings)
+aims = st.builds(Aim, motor_ratio=st.sampled_from([0.0, 0.5]), hood_deg=numbers,
+                 source=st.just("plan"), stand_m=st.sampled_from([UNSET, 4.25])) | st.just(IDLE)
+ratings = st.builds(Rating, *[st.none() | st.floats(0, 1) | st.just(float("nan"))] * 2, st.booleans(),
+                    st.none() | st.floats(0, 3))
+
+
+class Says:
+    def __init__(self, rating):
+        self.rating = rating
+
+    def rate(self, *features):
+        if self.rating is None:
+            raise RuntimeError("out of memory")
+        return self.rating
+
+
+@settings(max_examples=1500)
+@given(wheels=st.tuples(motors, motors), hood=motors, feeder=motors, angle=angles, memory=memories, aim=aims,
+       gate=st.none() | st.builds(Says, st.none() | ratings), config=st.sampled_from([CONFIG, MODEL]))
+def test_every_reason_that_comes_out_has_a_message(wheels, hood, feeder, angle, memory, aim, gate, config):
+    inputs = replace(good_inputs(), flywheels=wheels, hood_motor=replace(hood, position_rad=1.0), feeder=feeder,
+                     hood_angle=angle)
+    verdict = judge(inputs, estimate(inputs, memory, config), aim, memory, config, gate)
+    for reason in verdict.reasons:
+        assert find_message(reason) is not None, reason
+        check(reason)
+        assert msgspec.json.decode(msgspec.json.encode(reason), type=Reason) == reason
+    told = tell(verdict.reasons)
+    assert sorted(reason for one in told for reason in one.reasons) == sorted(bot.texts(verdict.reasons))
+    assert bool(told) == (not verdict.fire)
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: f"{message.code.name}-{message.case}")
+def test_a_message_is_met_by_its_own_reason(message):
+    reason = sample(message.code, message.case)
+    assert find_message(reason) is message
+    (told,) = tell([reason])
+    assert message.kind in (FAULT, YOU, "wait") and told.reasons == (bot.text(reason),)
+    assert told.means and "{" not in told.means + told.do
+    assert message.do or message.kind == "wait"
+
+
+def test_what_the_driver_can_fix_comes_first_and_motors_as_one():
+    told = tell([bot.NOT_ARMED(), bot.WHEELS_OFF_SPEED(speed_rad_s=312.2, wanted_rad_s=358.0),
+                 bot.DEVICE_STALE(device="hood motor", age_s=0.31),
+                 bot.CAN_LOST(cause=hw.CAN_ADAPTER_ERROR(bus="CAN slcan /dev/ttyACM0", detail="gone")),
+                 bot.TARGET_STALE(age_s=2.1)])
+    assert [one.means for one in told] == [
+        "CAN adapter pulled out?", "Hood motor: no frames for 0.31 s", "Not armed", "Target out of sight for 2.1 s",
+        "Wheels are not at speed: 312 of 358 rad/s"]
+    assert [one.do for one in told][2:4] == ["press ARM", "turn towards the target"]
+    told = tell([bot.DEVICE_STALE(device=MOTOR, age_s=0.31), bot.DEVICE_STALE(device="hood encoder", age_s=0.30),
+                 error(MOTOR, hw.ERROR_WATCHDOG_EXPIRED), error("hood motor", hw.ERROR_MOTOR_OVER_TEMPERATURE),
+                 error("feeder motor", hw.ERROR_SPINOUT)])
+    assert [one.means for one in told] == [
+        "Flywheel motor 1, hood encoder: no frames for 0.31 s",
+        "Flywheel motor 1: stopped by its watchdog (no commands received)",
+        "Hood motor: motor too hot", "Feeder motor: its controller reports spinout"]
+    assert told[0].reasons == ("flywheel motor 1: no frames for 0.31 s", "hood encoder: no frames for 0.30 s")
+
+
+UNPLUGGED = because.CAMERA_LOST(cause=CAMERA_SILENT(camera="0"))
+GONE = because.CAN_LOST(cause=CAN_BUS_OFF(bus="CAN"))
 GOOD = step(good_inputs(), good_memory(), CONFIG, None)
 READY = step(good_inputs(), replace(good_memory(), request_t_ns=0), CONFIG, None)
 
@@ -91,28 +205,26 @@ def test_numbers_have_their_units_and_what_stands_in_the_way_is_marked():
     assert (line(seen(rated), "Aim", "p(three)").value, line(seen(rated), "Aim", "p(two)").value) == ("81%", "12%")
 
 
-def test_each_link_has_its_age():
+def test_each_link_has_its_age_and_the_newest_sighting_is_kept():
     old = replace(good_inputs(), hood_motor=replace(good_inputs().hood_motor, t_ns=NOW_NS - seconds(2.5)),
                   feeder=replace(good_inputs().feeder, heartbeat_t_ns=0), hood_angle=None,
-                  sighting=Sighting(NOW_NS - seconds(0.02), False, IMAGE_BRIGHT()), faults=(BOX_SILENT(),))
+                  sighting=Sighting(NOW_NS - seconds(0.02), False, because.IMAGE_BRIGHT()),
+                  faults=(because.BOX_SILENT(),))
     view = seen(step(old, replace(good_memory(), last_sighting=None), CONFIG, None))
     links = {one.name: (one.value, one.ok) for block in view.blocks[-1:] for one in block.lines}
     assert links == {"flywheel motor 1": ("4 ms / 4 ms", True), "flywheel motor 2": ("4 ms / 4 ms", True),
                      "hood motor": ("2.5 s / 4 ms", False), "feeder motor": ("4 ms / never", False),
                      "hood encoder": ("never", False), "camera": ("20 ms", True), "button box": ("gone", False)}
-    assert line(view, "Aim", "target").value == "never seen: " + text(IMAGE_BRIGHT())
-
-
-def test_the_newest_sighting_is_kept_from_tick_to_tick():
-    blind = step(replace(good_inputs(), sighting=Sighting(NOW_NS, False, IMAGE_DARK())),
+    assert line(view, "Aim", "target").value == "never seen: " + because.text(because.IMAGE_BRIGHT())
+    blind = step(replace(good_inputs(), sighting=Sighting(NOW_NS, False, because.IMAGE_DARK())),
                  replace(good_memory(), last_sighting=None), CONFIG, None)
     after = step(good_inputs(), replace(good_memory(), last_sighting=None), CONFIG, None)
-    assert line(seen(blind, after), "Aim", "target").value == "never seen: " + text(IMAGE_DARK())
+    assert line(seen(blind, after), "Aim", "target").value == "never seen: " + because.text(because.IMAGE_DARK())
 
 
 @pytest.mark.parametrize(("recording", "faults", "value", "ok"), [
     ("monday", (), "monday", True), ("", (), "nothing is recorded", False),
-    ("monday", (NOT_RECORDING(cause=DISK_FULL()),), "not recording: no space left on the disk", False),
+    ("monday", (because.NOT_RECORDING(cause=because.DISK_FULL()),), "not recording: no space left on the disk", False),
 ])
 def test_whether_it_is_recorded(recording, faults, value, ok):
     view = seen(step(replace(good_inputs(), faults=faults), good_memory(), CONFIG, None), recording=recording)
@@ -128,20 +240,14 @@ def marked(trial, outcome, *reasons) -> Tick:
 
 
 def test_shots_and_marks_of_the_session_newest_first():
-    view = seen(fired(0), marked(0, "three"), fired(1), marked(1, "two"), marked(2, "held", TARGET_NEVER_SEEN()),
-                fired(3))
+    view = seen(fired(0), marked(0, "three"), fired(1), marked(1, "two"),
+                marked(2, "held", because.TARGET_NEVER_SEEN()), fired(3))
     lines = [(one.name, one.value) for block in view.blocks if block.title == "Shots" for one in block.lines]
     assert lines == [("this session", "3 fired: 1 held, 1 three, 1 two"), ("3 from 5.00 m", "not marked yet"),
                      ("2", "held: Target not seen yet"), ("1 from 5.00 m", "two"), ("0 from 5.00 m", "three")]
-
-
-def test_a_mark_that_is_taken_back_no_longer_counts():
     view = seen(fired(0), marked(0, "three"), marked(0, "rejected"))
     assert line(view, "Shots", "this session").value == "1 fired: 1 rejected"
     assert line(view, "Shots", "0 from 5.00 m").value == "rejected"
-
-
-def test_a_long_session_takes_no_more_room_than_a_short_one():
     glance = Glance()
     for trial in range(300):
         glance = look(look(glance, fired(trial)), marked(trial, "two"))

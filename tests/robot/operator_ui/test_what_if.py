@@ -1,26 +1,30 @@
-"""Questions to the gate: which are refused and with what key, what is answered, and how many."""
+"""Questions to the gate, alone and as `POST /predict`: whom it answers, what it refuses and why, and how many."""
 
 import gzip
 import itertools
 import json
 import math
+import os
+import socket
+import subprocess
+import sys
+import threading
+from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import truearc.robot.operator_ui.server
+import truearc.robot.operator_ui.what_if
+from tests.robot.good_tick import CONFIG
+from truearc.cli.gate import NICE, make_command
+from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.gate import FEATURES, NO_RATING, load_gate
-from truearc.robot.operator_ui.what_if import (
-    BURST,
-    MAX_CONFIGURATIONS,
-    NAMES,
-    QUESTION_COST,
-    RATE_PER_S,
-    QuestionError,
-    WhatIf,
-    parse_question,
-)
+from truearc.robot.operator_ui import what_if as asking
+from truearc.robot.operator_ui.server import DISCARD_BYTES, OperatorPage, PageServer, open_page
+from truearc.robot.operator_ui.what_if import BURST, MAX_BODY_BYTES, QUESTION_COST, WhatIf, WhatIfProcess
 from truearc.robot.verdict import doubt_rating
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "reference" / "export-physics" / "gate.onnx"
@@ -46,10 +50,10 @@ class Stopped:
 
 
 def what_if(threshold=0.3, gate=GATE):
-    return WhatIf(gate, threshold, 594.0, Stopped())
+    return asking.WhatIf(gate, threshold, 594.0, Stopped())
 
 
-def ask(asked, body):
+def answered(asked, body):
     """What is answered with status 200."""
     answer = asked.answer(body)
     assert answer.status == 200 and answer.retry_s == 0, answer
@@ -57,26 +61,26 @@ def ask(asked, body):
 
 
 def refused(body):
-    with pytest.raises(QuestionError) as raised:
-        parse_question(body if isinstance(body, bytes) else json.dumps(body).encode())
+    with pytest.raises(asking.QuestionError) as raised:
+        asking.parse_question(body if isinstance(body, bytes) else json.dumps(body).encode())
     return raised.value
 
 
 @given(within)
 def test_question_has_the_numbers_that_were_sent(row):
-    question = parse_question(json.dumps(dict(zip(NAMES, row, strict=True))).encode())
+    question = asking.parse_question(json.dumps(dict(zip(asking.NAMES, row, strict=True))).encode())
     assert question.is_single and [value for value, in question.values] == list(row)
 
 
 @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
 def test_any_bytes_are_a_question_or_refused_with_400(body):
     try:
-        parse_question(body)
-    except QuestionError as error:
+        asking.parse_question(body)
+    except asking.QuestionError as error:
         assert error.status == 400 and str(error)
 
 
-@given(st.sampled_from(NAMES), not_numbers)
+@given(st.sampled_from(asking.NAMES), not_numbers)
 def test_value_that_is_no_number_in_range_is_refused_by_its_key(key, value):
     error = refused({**GOOD, key: value})
     assert error.status == 400 and error.key == key and key in str(error)
@@ -95,14 +99,14 @@ def test_malformed_question_is_refused_in_words(body, words):
 def test_too_many_combinations_are_refused():
     side = [0.5] * 64
     most = json.dumps({**GOOD, "distance_m": side, "motor_ratio": side}).encode()
-    assert parse_question(most).rows == MAX_CONFIGURATIONS
+    assert asking.parse_question(most).rows == asking.MAX_CONFIGURATIONS
     assert "expected at most 4096" in str(refused({**GOOD, "distance_m": [*side, 0.5], "motor_ratio": side}))
 
 
 @given(st.lists(st.sampled_from([1.8, 3.2, 6.0, 15.0]), min_size=1), st.lists(st.floats(0, 1), min_size=1, max_size=3),
        st.floats(0.0, 1.0))
 def test_lists_are_answered_in_order_as_the_gate_does(distances, ratios, threshold):
-    said = ask(what_if(threshold), json.dumps({"distance_m": distances[:4], "motor_ratio": ratios,
+    said = answered(what_if(threshold), json.dumps({"distance_m": distances[:4], "motor_ratio": ratios,
                                                  "hood_deg": 50.0}).encode())
     for k, row in enumerate(itertools.product(distances[:4], ratios, [50.0])):
         rating, numbers = GATE.rate(*row), (said["p_two"][k], said["p_three"][k], said["novelty"][k])
@@ -111,14 +115,18 @@ def test_lists_are_answered_in_order_as_the_gate_does(distances, ratios, thresho
         assert said["verdict"][k] == ("hold" if said["reasons"][k] else "fire")
 
 
-def test_single_question_has_single_answers():
-    said = ask(what_if(0.004), json.dumps(GOOD).encode())
+def test_single_question_has_single_answers_and_facts_state_limits():
+    said = answered(what_if(0.004), json.dumps(GOOD).encode())
     rating = GATE.rate(*GOOD.values())
     assert said == {"p_two": rating.p_two, "p_three": rating.p_three, "novelty": rating.novelty, "verdict": "fire",
                     "reasons": []}
-    assert ask(what_if(1.0), json.dumps(GOOD).encode())["reasons"] == ["model_below_threshold"]
-    far = ask(what_if(0.0), json.dumps({**GOOD, "distance_m": 20}).encode())
+    assert answered(what_if(1.0), json.dumps(GOOD).encode())["reasons"] == ["model_below_threshold"]
+    far = answered(what_if(0.0), json.dumps({**GOOD, "distance_m": 20}).encode())
     assert far["verdict"] == "hold" and far["reasons"] == ["model_outside_domain"]
+    facts = json.loads(what_if().facts().text)
+    assert facts["sha256"] == GATE.sha256 and facts["threshold"] == 0.3 and facts["free_speed_rad_s"] == 594.0
+    assert [(one["name"], one["domain"]) for one in facts["features"]] == [
+        (name, list(domain)) for name, domain in zip(asking.NAMES, GATE.domain, strict=True)]
 
 
 def test_gate_that_fails_or_has_no_number_holds():
@@ -131,32 +139,188 @@ def test_gate_that_fails_or_has_no_number_holds():
             return NO_RATING
 
     for gate, code in ((Broken(), "model_failed"), (Silent(), "model_outside_domain")):
-        said = ask(what_if(gate=gate), json.dumps(GOOD).encode())
+        said = answered(what_if(gate=gate), json.dumps(GOOD).encode())
         assert said == {"p_two": None, "p_three": None, "novelty": None, "verdict": "hold", "reasons": [code]}
 
 
-def test_budget_is_spent_by_configurations_and_fills_with_time():
+def test_budget_is_spent_by_configurations_and_malformed_questions():
     asked, body, side = what_if(), json.dumps(GOOD).encode(), [0.5] * 64
     most = json.dumps({**GOOD, "distance_m": side, "motor_ratio": side}).encode()
-    for _ in range(BURST // (QUESTION_COST + 1)):
-        ask(asked, body)
+    for _ in range(asking.BURST // (asking.QUESTION_COST + 1)):
+        answered(asked, body)
     refusal = asked.answer(body)
     assert refusal.status == 429 and refusal.retry_s == 1 and b"too many" in refusal.text
     asked._clock.t_ns += 500_000_000
     refusal = asked.answer(most)
     assert refusal.status == 429 and refusal.retry_s == 2
-    asked._clock.t_ns += 1_000_000_000 * (MAX_CONFIGURATIONS + QUESTION_COST) // RATE_PER_S + 1
-    assert len(ask(asked, most)["verdict"]) == MAX_CONFIGURATIONS
-
-
-def test_malformed_questions_cost_too():
+    asked._clock.t_ns += 1_000_000_000 * (asking.MAX_CONFIGURATIONS + asking.QUESTION_COST) // asking.RATE_PER_S + 1
+    assert len(answered(asked, most)["verdict"]) == asking.MAX_CONFIGURATIONS
     asked = what_if()
-    statuses = [asked.answer(b"{").status for _ in range(BURST // QUESTION_COST + 1)]
+    statuses = [asked.answer(b"{").status for _ in range(asking.BURST // asking.QUESTION_COST + 1)]
     assert set(statuses[:-1]) == {400} and statuses[-1] == 429
 
 
-def test_facts_state_the_gate_and_its_limits():
-    facts = json.loads(what_if().facts().text)
-    assert facts["sha256"] == GATE.sha256 and facts["threshold"] == 0.3 and facts["free_speed_rad_s"] == 594.0
-    assert [(one["name"], one["domain"]) for one in facts["features"]] == [
-        (name, list(domain)) for name, domain in zip(NAMES, GATE.domain, strict=True)]
+JSON = {"Content-Type": "application/json"}
+
+
+@pytest.fixture(params=["127.0.0.1"])
+def server(request):
+    what_if = WhatIf(GATE, CONFIG.gate.threshold, None, MonotonicClock())
+    with PageServer(request.param, 0, None, what_if) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+def ask(server, body, path="/predict", method="POST", headers=JSON):
+    """(status, headers, JSON)"""
+    line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)
+    line.request(method, path, body, headers)
+    answer = line.getresponse()
+    result = answer.status, answer.headers, json.loads(answer.read())
+    line.close()
+    return result
+
+
+def test_answer_is_the_gates_and_compressed_where_it_is_long(server):
+    status, headers, said = ask(server, json.dumps(GOOD))
+    rating = GATE.rate(*GOOD.values())
+    assert status == 200 and headers["Content-Type"] == "application/json" and headers["Cache-Control"] == "no-store"
+    assert (said["p_two"], said["p_three"], said["novelty"]) == (rating.p_two, rating.p_three, rating.novelty)
+    assert said["verdict"] == "hold" and said["reasons"] == ["model_below_threshold"]
+    assert ask(server, json.dumps(GOOD), headers={"Content-Type": "application/json; charset=utf-8"})[0] == 200
+    asked = json.dumps({**GOOD, "distance_m": [2.0 + 0.01 * k for k in range(200)]})
+    plain = ask(server, asked)[2]
+    line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)
+    line.request("POST", "/predict", asked, JSON | {"Accept-Encoding": "gzip, deflate"})
+    answer = line.getresponse()
+    body = answer.read()
+    line.close()
+    assert answer.headers["Content-Encoding"] == "gzip" and json.loads(gzip.decompress(body)) == plain
+    assert len(body) < 0.6 * len(json.dumps(plain))
+
+
+@pytest.mark.parametrize(("body", "key"), [
+    ("{", ""), (json.dumps({**GOOD, "extra": 1}), "extra"),
+    (json.dumps({"distance_m": 3, "hood_deg": 40}), "motor_ratio"), ('{"\\ud800": 1}', "\ud800")])
+def test_malformed_question_is_400_and_names_the_key(server, body, key):
+    status, _, said = ask(server, body)
+    assert status == 400 and said["key"] == key and said["error"]
+
+
+@pytest.mark.parametrize("size", [MAX_BODY_BYTES + 1, DISCARD_BYTES - 1])
+def test_oversized_question_is_413(server, size):
+    status, _, said = ask(server, json.dumps(GOOD).ljust(size))
+    assert status == 413 and str(MAX_BODY_BYTES) in said["error"]
+    assert ask(server, json.dumps(GOOD).ljust(MAX_BODY_BYTES))[0] == 200
+
+
+@pytest.mark.parametrize("method", ["GET", "PUT", "DELETE", "PATCH", "OPTIONS"])
+def test_other_methods_are_405_and_the_right_one_is_named(server, method):
+    status, headers, said = ask(server, None, method=method)
+    assert status == 405 and headers["Allow"] == "POST" and method in said["error"]
+    for path in ("/", "/gate", "/events", "/else"):
+        status, headers, _ = ask(server, json.dumps(GOOD), path)
+        assert status == 405 and headers["Allow"] == "GET"
+
+
+@pytest.mark.parametrize("kind", ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data", "", None])
+def test_other_content_types_are_415(server, kind):
+    status, _, said = ask(server, json.dumps(GOOD), headers={} if kind is None else {"Content-Type": kind})
+    assert status == 415 and said["key"] == "Content-Type"
+
+
+@pytest.mark.parametrize("headers", [{"Host": "elsewhere.example"}, {"Host": "elsewhere.example:5808"}, {"Host": ""},
+                                     {"Origin": "http://elsewhere.example"}, {"Origin": "null"}])
+@pytest.mark.parametrize("server", ["127.0.0.1", "0.0.0.0"], indirect=True)
+def test_foreign_hosts_and_origins_are_403(server, headers):
+    """On every address, too, where the page itself answers to any name."""
+    status, answered, said = ask(server, json.dumps(GOOD), headers=JSON | headers)
+    assert status == 403 and "another site" in said["error"] and "Access-Control-Allow-Origin" not in answered
+
+
+def test_too_many_questions_are_429_and_say_when_to_ask_again(server):
+    for _ in range(BURST // QUESTION_COST + 200):
+        status, headers, said = ask(server, json.dumps(GOOD))
+        if status == 429:
+            break
+    assert status == 429 and headers["Retry-After"] == "1" and "too many" in said["error"]
+
+
+def raw(server, text):
+    """The first line of the answer to a request as it stands, and the connection's end."""
+    here = f"Host: 127.0.0.1:{server.server_port}\r\nContent-Type: application/json"
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=20) as line:
+        line.sendall(text.replace("HERE", here).encode())
+        return line.makefile("rb").readline().decode()
+
+
+@pytest.mark.parametrize(("length", "status"), [
+    ("", 411), ("Content-Length: x\r\n", 400), ("Content-Length: -1\r\n", 400),
+    ("Content-Length: 9999999999\r\n", 400), ("Transfer-Encoding: chunked\r\n", 411)])
+def test_length_must_be_stated(server, length, status):
+    assert f" {status} " in raw(server, f"POST /predict HTTP/1.0\r\nHERE\r\n{length}\r\n{{}}")
+
+
+def test_page_without_a_gate_says_so():
+    page = OperatorPage(CONFIG, "", "127.0.0.1", 0, MonotonicClock())
+    server = page._server
+    try:
+        assert ask(server, None, "/gate", "GET", {})[2] == {}
+        status, _, said = ask(server, json.dumps(GOOD))
+        assert status == 404 and "no gate" in said["error"]
+    finally:
+        page.close()
+
+
+@pytest.fixture
+def page(tmp_path):
+    """The robot's page, whose gate is a file that is yet to come."""
+    page = open_page("0", CONFIG, "monday", MonotonicClock(), make_command(tmp_path / "gate.onnx", CONFIG))
+    yield page
+    page.close()
+
+
+def test_another_process_answers_as_the_configuration_states(page, tmp_path):
+    (tmp_path / "gate.onnx").write_bytes(GOLDEN.read_bytes())
+    facts = ask(page._server, None, "/gate", "GET", {})[2]
+    assert facts["sha256"] == GATE.sha256 and facts["threshold"] == CONFIG.gate.threshold
+    assert facts["free_speed_rad_s"] == CONFIG.rig.launcher.free_speed_rad_s
+    status, _, said = ask(page._server, json.dumps({**GOOD, "distance_m": [3.2, 15.0]}))
+    assert status == 200 and said["p_three"] == [GATE.rate(one, 0.5, 50.0).p_three for one in (3.2, 15.0)]
+    assert ask(page._server, "{")[0] == 400 and ask(page._server, "")[0] == 400
+    assert ask(page._server, json.dumps(GOOD))[2]["p_two"] == GATE.rate(*GOOD.values()).p_two
+
+
+def test_process_that_ends_or_cannot_begin_is_503_and_starts_again(page, tmp_path, capfd):
+    status, _, said = ask(page._server, json.dumps(GOOD))
+    assert status == 503 and "does not answer" in said["error"] and "gate.onnx" in capfd.readouterr().err
+    (tmp_path / "gate.onnx").write_bytes(GOLDEN.read_bytes())
+    assert ask(page._server, json.dumps(GOOD))[0] == 200
+    process = page._server.what_if._process
+    process.kill()
+    process.wait()
+    assert ask(page._server, json.dumps(GOOD))[0] == 503
+    assert ask(page._server, json.dumps(GOOD))[0] == 200
+
+
+def test_process_that_hangs_is_given_up(monkeypatch):
+    monkeypatch.setattr(truearc.robot.operator_ui.what_if, "PATIENCE_S", 0.5)
+    what_if = WhatIfProcess((sys.executable, "-c", "import time; time.sleep(60)"))
+    answer = what_if.answer(b"{}")
+    assert answer.status == 503 and b"in time" in answer.text and what_if._process is None
+
+
+def test_process_gives_way_and_ends_with_the_page(tmp_path):
+    (tmp_path / "gate.onnx").write_bytes(GOLDEN.read_bytes())
+    page = open_page("0", CONFIG, "monday", MonotonicClock(), make_command(tmp_path / "gate.onnx", CONFIG))
+    assert ask(page._server, json.dumps(GOOD))[0] == 200
+    process = page._server.what_if._process
+    assert os.getpriority(os.PRIO_PROCESS, process.pid) == min(os.getpriority(os.PRIO_PROCESS, 0) + NICE, 19)
+    page.close()
+    assert process.returncode is not None
+    orphan = subprocess.Popen(make_command(tmp_path / "gate.onnx", CONFIG), stdin=subprocess.PIPE)
+    orphan.stdin.close()                          # as when the process behind it was killed
+    assert orphan.wait(20.0) == 0

@@ -1,5 +1,6 @@
 """Sessions of the emulated robot, recorded from fixed seeds: they are small, and the same on every run."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -7,12 +8,10 @@ from msgspec.structs import replace
 
 from tests.faulty_robot import parts_with
 from tests.robot.gate.test_model import build
-from truearc import robot
-from truearc.robot.config.schema import load_config
+from tests.robot.good_tick import CONFIG
 from truearc.sim.world.emulated_robot import emulate
 from truearc_proof.world.faults import SILENT, TRUNCATED, Fault
 
-CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 SECOND = 1_000_000_000
 
 
@@ -34,3 +33,9 @@ def gated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     config = replace(CONFIG, gate=replace(CONFIG.gate, request_s=3.0, doubt_s=0.2, threshold=1.0))
     emulate(config, folder / "gated", trials=1, seed=4, gate_path=folder / "gate.onnx")
     return folder / "gated"
+
+
+@pytest.fixture
+def session(plain: Path, tmp_path: Path) -> Path:
+    """A copy of the plain one, to be changed."""
+    return shutil.copytree(plain, tmp_path / "s")

@@ -1,30 +1,40 @@
-"""The recorder when the disk is full, read-only or hung, and when its process is killed."""
+"""The recorder, in a process of its own, too: a disk that is full, read-only or hung, killed, stopped or left alone."""
 
-import errno
+import os
+import signal
+import sys
 import threading
+import time
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 from msgspec.structs import replace
 
+import truearc.cli.run_processes
+import truearc.cli.run_robot
 from benchmarks.kill import kill_once
-from tests.robot.good_tick import CONFIG, good_inputs, good_memory
+from tests.robot.good_tick import CONFIG, good_inputs
+from tests.robot.test_rig import Wire
+from tests.robot.test_run_door import CONFIG as SHIPPED
+from tests.robot.test_run_door import Box
+from truearc.cli.main import main
+from truearc.cli.run_processes import RecorderProcess
 from truearc.errors import InputError
-from truearc.hw.protocols import CameraFrame
-from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE, IMAGE_NOT_ENCODED, NOT_RECORDING
+from truearc.hw.fault_codes import PROCESS_ENDED, PROCESS_KILLED
+from truearc.hw.protocols import CameraFrame, Frame
+from truearc.hw.real.clock import MonotonicClock
+from truearc.robot.eyes import NoEyes
+from truearc.robot.reasons import DISK_ERROR, DISK_UNRESPONSIVE, IMAGE_NOT_ENCODED, RECORDER_UNRESPONSIVE
 from truearc.robot.recording import files
-from truearc.robot.recording.files import Appender
+from truearc.robot.recording import writer as far_keeper
+from truearc.robot.recording.files import Appender, append_trials, load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
-from truearc.robot.recording.writer import LaneKeeper, SessionWriter, disk_trouble
-from truearc.robot.rig import RecordingRig, ReplayRig
+from truearc.robot.recording.writer import MARKING_NS, SessionWriter, disk_trouble
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Outcome
 
-TOO_LARGE = NOT_RECORDING(cause=DISK_ERROR(detail="File too large"))
-
-resource = pytest.importorskip("resource")        # POSIX
 MS = 1_000_000
 
 
@@ -50,75 +60,6 @@ def kept_cycles(folder):
     return [tick.inputs.cycle for tick, _ in TickReader(folder)]
 
 
-def test_a_session_has_a_summary_and_all_its_ticks_and_trials(tmp_path):
-    recorder = open_writer(tmp_path / "s")
-    play(recorder, ticks(500, marks=(100, 300)))
-    recorder.close()
-    assert recorder.failed is None and recorder.dropped == 0
-    with (tmp_path / "s" / "telemetry.mcap").open("rb") as file:
-        assert list(make_reader(file).get_summary().statistics.channel_message_counts.values()) == [500, 2]
-    assert kept_cycles(tmp_path / "s") == list(range(1, 501))
-    assert [trial.outcome.trial for trial in load_trials(tmp_path / "s")] == [0, 1]
-
-
-def test_a_marked_trial_is_on_disk_when_the_twins_record_returns(tmp_path):
-    recorder = open_writer(tmp_path / "s")
-    for tick in ticks(50, marks=(10, 20)):
-        recorder.record(tick, None)
-        marked = (tick.inputs.cycle > 10) + (tick.inputs.cycle > 20)
-        assert len(load_trials(tmp_path / "s")) == marked
-    recorder.close()
-
-
-def test_ticks_of_the_last_quarter_second_at_most_are_not_on_disk(tmp_path):
-    recorder = open_writer(tmp_path / "s")
-    for tick in ticks(200):
-        recorder.record(tick, None)
-        if tick.inputs.cycle % 7 == 0:
-            on_disk = kept_cycles(tmp_path / "s")
-            assert tick.inputs.cycle - len(on_disk) <= 0.25 * 200
-    recorder.close()
-
-
-def test_a_full_disk_is_a_hold_and_space_made_in_time_loses_nothing(tmp_path):
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    recorder = open_writer(tmp_path / "s")
-    all_ticks = list(ticks(1000, marks=(100, 500, 900)))
-    try:
-        play(recorder, all_ticks[:200])
-        assert recorder.trouble() is None
-        resource.setrlimit(resource.RLIMIT_FSIZE, (2500, hard))
-        play(recorder, all_ticks[200:600])
-        rig = RecordingRig(ReplayRig([all_ticks[0]]), recorder.trouble)
-        inputs = rig.read()
-        assert inputs.faults == (TOO_LARGE,)
-        assert TOO_LARGE in step(inputs, good_memory(), CONFIG, None).verdict.reasons
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    play(recorder, all_ticks[600:])
-    assert recorder.trouble() is None
-    recorder.close()
-    assert recorder.failed is None
-    assert kept_cycles(tmp_path / "s") == list(range(1, 1001))
-    assert [trial.outcome.t_ns for trial in load_trials(tmp_path / "s")] == [500 * MS, 2500 * MS, 4500 * MS]
-
-
-def test_a_disk_that_turned_read_only_is_told_and_leaves_what_was_there(tmp_path, monkeypatch):
-    recorder = open_writer(tmp_path / "s")
-    play(recorder, ticks(200, marks=(50,)))
-
-    def refuse(self):
-        raise OSError(errno.EROFS, "Read-only file system")
-
-    monkeypatch.setattr(Appender, "flush", refuse)
-    play(recorder, ticks(200, marks=(20,)))
-    assert recorder.trouble() == DISK_ERROR(detail="Read-only file system")
-    recorder.close()
-    assert isinstance(recorder.failed, OSError) and recorder.failed.errno == errno.EROFS
-    assert kept_cycles(tmp_path / "s") == list(range(1, len(kept_cycles(tmp_path / "s")) + 1))
-    assert len(kept_cycles(tmp_path / "s")) >= 150 and len(load_trials(tmp_path / "s")) == 1
-
-
 def test_a_disk_that_hangs_never_stops_the_tick_and_is_told(tmp_path, monkeypatch):
     hung, sync = threading.Event(), Appender.sync
     flush = Appender.flush
@@ -132,16 +73,6 @@ def test_a_disk_that_hangs_never_stops_the_tick_and_is_told(tmp_path, monkeypatc
     hung.set()
     recorder.close()
     assert recorder.failed is None and kept_cycles(tmp_path / "s") == list(range(1, 1001))
-
-
-def test_what_a_lane_cannot_take_is_counted(tmp_path, monkeypatch):
-    hung, flush = threading.Event(), Appender.flush
-    monkeypatch.setattr(Appender, "flush", lambda self: (hung.wait(), flush(self))[1])
-    recorder = open_writer(tmp_path / "s", False, lambda *what: LaneKeeper(*what, False, longest=3))
-    play(recorder, ticks(500))
-    assert recorder.dropped > 0
-    hung.set()
-    recorder.close()
 
 
 def test_an_image_that_cannot_be_kept_is_told_and_the_next_one_is_kept(tmp_path):
@@ -160,15 +91,6 @@ def test_an_image_that_no_encoder_takes_is_a_reason_with_its_name(tmp_path, monk
     assert disk_trouble(recorder.failed) == IMAGE_NOT_ENCODED(file="000000006.png")
 
 
-def test_a_folder_that_cannot_be_made_is_named_before_anything_moves(tmp_path, monkeypatch):
-    def refuse(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(files.os, "fsync", refuse)
-    with pytest.raises(InputError, match=r"config\.json: No space left on device"):
-        open_writer(tmp_path / "s")
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_a_recorder_killed_at_a_random_moment_loses_no_mark_and_little_else(plain, tmp_path, seed):
     killed = kill_once(plain, tmp_path / "s", seed, "twin")
@@ -177,7 +99,216 @@ def test_a_recorder_killed_at_a_random_moment_loses_no_mark_and_little_else(plai
     assert killed.lost_s <= 0.25
 
 
-def test_a_tick_that_would_fire_holds_while_the_recording_is_in_trouble():
-    assert step(good_inputs(), good_memory(), CONFIG, None).verdict.fire
-    troubled = replace(good_inputs(), faults=(NOT_RECORDING(cause=DISK_FULL()),))
-    assert not step(troubled, good_memory(), CONFIG, None).verdict.fire
+posix = pytest.mark.skipif(os.name != "posix", reason="signals")
+PATIENCE_S = 30.0                     # of a loaded machine
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch):
+    monkeypatch.setattr(far_keeper, "MARK_S", PATIENCE_S)
+
+
+@pytest.fixture
+def process():
+    with ExitStack() as wires:
+        yield RecorderProcess(wires)
+
+
+def test_recorder_process_ends_silently_when_closed_while_starting(monkeypatch):
+    raised = []
+    monkeypatch.setattr(threading, "excepthook", raised.append)
+    with ExitStack() as wires:
+        RecorderProcess(wires)                    # as where another wire of the run cannot be opened
+    assert raised == []
+
+
+@pytest.fixture
+def recorder(process, tmp_path):
+    return open_recorder(tmp_path / "s", process)
+
+
+def open_recorder(folder, process=None):
+    return SessionWriter(folder, make_header(CONFIG, None, None), CONFIG, None, lossless=process is None,
+                         open_keeper=None if process is None else process.open_keeper)
+
+
+def until(true, limit_s=PATIENCE_S):
+    end = time.monotonic() + limit_s
+    while not true() and time.monotonic() < end:
+        time.sleep(0.005)
+    assert true()
+
+
+def test_the_files_are_those_of_one_process(process, tmp_path):
+    for name, at in (("far", process), ("near", None)):
+        recorder = open_recorder(tmp_path / name, at)
+        for tick in ticks(300, marks=(100, 200)):
+            recorder.tap(Frame(tick.inputs.t_ns, 0x29, bytes(8)), False)
+            recorder.tap(Frame(0, 0x070E00C5, b"\x01", True), True)
+            recorder.record(tick, None)
+        recorder.keep_picture(CameraFrame(5 * MS, np.arange(480 * 640 * 3, dtype=np.uint8).reshape(480, 640, 3)))
+        recorder.close()
+        assert recorder.failed is None and recorder.dropped == 0, name
+    assert [list(TickReader(tmp_path / name)) for name in ("far",)] == [list(TickReader(tmp_path / "near"))]
+    for name in ("can0.log", "trials.jsonl", "frames/frames.jsonl", "config.json", "session.json", "telemetry.mcap"):
+        assert (tmp_path / "far" / name).read_bytes() == (tmp_path / "near" / name).read_bytes(), name
+    near, far = (load_image(tmp_path / name, load_pictures(tmp_path / name)[0]) for name in ("near", "far"))
+    assert (near.image == far.image).all()
+
+
+def test_a_marked_trial_is_on_disk_when_its_tick_is_over(recorder, tmp_path):
+    for tick in ticks(50, marks=(10, 20)):
+        recorder.record(tick, None)
+        assert len(load_trials(tmp_path / "s")) == (tick.inputs.cycle > 10) + (tick.inputs.cycle > 20)
+    recorder.close()
+
+
+@posix
+def test_a_killed_recorder_is_told_at_once_and_loses_no_marked_trial(process, recorder, tmp_path):
+    some = list(ticks(400, marks=(50, 150, 250)))
+    play(recorder, some[:200])
+    until(lambda: len(load_trials(tmp_path / "s")) == 2)
+    assert recorder.trouble() is None and not recorder.is_over()
+    os.kill(process.child.pid, signal.SIGKILL)
+    until(lambda: recorder.trouble() == PROCESS_KILLED(process="recorder", signal=9), 1.0)
+    play(recorder, some[200:])                             # and nothing waits for it
+    until(recorder.is_over)
+    recorder.close()
+    assert str(recorder.failed) == "the recorder process ended (signal 9)" and recorder.dropped > 0
+    assert [trial.outcome.trial for trial in load_trials(tmp_path / "s")] == [0, 1, 2]
+    kept = kept_cycles(tmp_path / "s")
+    assert kept == list(range(1, len(kept) + 1)) and len(kept) <= 200
+
+
+@posix
+def test_a_run_whose_recorder_is_gone_waits_for_the_mark_of_a_shot_that_is_out_but_not_for_ever(process, recorder):
+    out = [replace(tick, memory=replace(tick.memory, awaiting=True)) for tick in ticks(20)]
+    os.kill(process.child.pid, signal.SIGKILL)
+    until(process.child.is_gone)
+    play(recorder, out[:10])
+    assert not recorder.is_over()
+    play(recorder, [replace(out[10], inputs=replace(out[10].inputs, t_ns=MARKING_NS + 45 * MS))])
+    assert recorder.is_over()
+    play(recorder, ticks(1))
+    assert recorder.is_over()
+    recorder.close()
+
+
+@posix
+def test_a_stopped_recorder_does_not_answer_and_goes_on_with_nothing_lost(process, recorder, tmp_path, monkeypatch):
+    monkeypatch.setattr(far_keeper, "MARK_S", 0.01)
+    some = list(ticks(3000, marks=(50, 1000)))
+    play(recorder, some[:200])
+    os.kill(process.child.pid, signal.SIGSTOP)
+    until(lambda: recorder.trouble() == RECORDER_UNRESPONSIVE(), 3.0)
+    play(recorder, some[200:])                             # far more than a pipe holds; only the mark is waited for
+    assert not recorder.is_over()
+    os.kill(process.child.pid, signal.SIGCONT)
+
+    def is_well():
+        recorder._keeper.push()
+        return recorder.trouble() is None
+
+    until(is_well)
+    recorder.close()
+    assert recorder.failed is None and recorder.dropped == 0
+    assert kept_cycles(tmp_path / "s") == list(range(1, 3001)) and len(load_trials(tmp_path / "s")) == 2
+
+
+@posix
+def test_a_recorder_that_never_goes_on_is_killed_and_its_trials_are_put_down(process, recorder, tmp_path, monkeypatch):
+    monkeypatch.setattr(far_keeper, "CLOSE_S", 0.3)
+    some = list(ticks(300, marks=(50, 200)))
+    play(recorder, some[:100])
+    os.kill(process.child.pid, signal.SIGSTOP)
+    monkeypatch.setattr(far_keeper, "MARK_S", 0.01)
+    play(recorder, some[100:])
+    recorder.close()
+    assert "the recorder does not respond" in str(recorder.failed)
+    assert [trial.outcome.trial for trial in load_trials(tmp_path / "s")] == [0, 1]
+
+
+@posix
+def test_what_a_stopped_recorder_cannot_be_sent_is_bounded_and_counted(process, recorder, tmp_path, monkeypatch):
+    monkeypatch.setattr(far_keeper, "PENDING_BYTES", 1 << 18)
+    os.kill(process.child.pid, signal.SIGSTOP)
+    play(recorder, ticks(4000))
+    assert process._outbox.waiting < 1 << 20 and recorder.dropped > 0
+    os.kill(process.child.pid, signal.SIGCONT)
+    recorder.close()
+    kept = kept_cycles(tmp_path / "s")
+    assert recorder.failed is None and len(kept) < 4000 and kept[:500] == list(range(1, 501))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits another process")
+def test_a_full_disk_over_there_is_a_hold_here_and_space_made_in_time_loses_nothing(process, recorder, tmp_path):
+    import resource
+
+    pid, limit = process.child.pid, resource.RLIMIT_FSIZE
+    soft, hard = resource.getrlimit(limit)
+    some = list(ticks(1000, marks=(100, 900)))
+    play(recorder, some[:200])
+    until(lambda: len(load_trials(tmp_path / "s")) == 1)
+    resource.prlimit(pid, limit, (2500, hard))
+    play(recorder, some[200:600])
+    until(lambda: recorder.trouble() == DISK_ERROR(detail="File too large"))
+    resource.prlimit(pid, limit, (soft, hard))
+    play(recorder, some[600:])
+    until(lambda: recorder.trouble() is None)
+    recorder.close()
+    assert recorder.failed is None
+    assert kept_cycles(tmp_path / "s") == list(range(1, 1001)) and len(load_trials(tmp_path / "s")) == 2
+
+
+def test_files_that_cannot_be_opened_there_are_bad_input_here(process, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file/nowhere/frames: Not a directory"):
+        process.open_keeper(tmp_path / "file" / "nowhere", {})
+
+
+@posix
+def test_what_is_no_message_ends_the_recorder_and_is_told(process, recorder):
+    process._outbox.put(b"\xc1")
+    until(lambda: recorder.trouble() == PROCESS_ENDED(process="recorder", exit_code=1))
+    recorder.close()
+    assert recorder.failed is not None
+
+
+def test_half_a_row_gives_way_to_whole_ones(tmp_path):
+    (tmp_path / "trials.jsonl").write_bytes(b'{"one":1}\n{"tw')
+    append_trials(tmp_path, [b'{"two":2}', b'{"three":3}'])
+    assert (tmp_path / "trials.jsonl").read_bytes() == b'{"one":1}\n{"two":2}\n{"three":3}\n'
+
+
+@posix
+@pytest.mark.parametrize("seed", range(3))
+def test_a_control_process_killed_at_a_random_moment_loses_no_mark_and_little_else(plain, tmp_path, seed):
+    killed = kill_once(plain, tmp_path / "s", seed, "robot", "three")
+    assert killed.faults == [] and killed.marks_lost == 0 and killed.lost_s <= 0.25
+
+
+@posix
+def test_a_run_ends_by_itself_released_with_code_2_when_its_recorder_is_killed(tmp_path, monkeypatch, capsys):
+    bus, processes = Wire(), []
+    read = bus.read
+
+    def kill_in_time():
+        if len(bus.sent) > 500 and len(processes) == 1:
+            processes.append(os.kill(processes[0].child.pid, signal.SIGKILL))
+        return read()
+
+    def begin(wires, page, limits):
+        processes.append(RecorderProcess(wires))
+        return processes[0]
+
+    monkeypatch.setattr(bus, "read", kill_in_time)
+    monkeypatch.setattr(truearc.cli.run_processes, "RecorderProcess", begin)
+    monkeypatch.setattr(truearc.cli.run_robot, "_open_wires", lambda *_: (bus, Box(), NoEyes(), MonotonicClock()))
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    assert main(["run", "--config", SHIPPED, "--out", str(tmp_path), "--priority", "0"]) == 2
+    for number, handler in before.items():
+        signal.signal(number, handler)
+    said = capsys.readouterr().err
+    assert "the recording stopped: the recorder process ended (signal 9)" in said and "vision is process" in said
+    idle = [frame.data[0] for frame in bus.sent[-8:] if frame.arbitration_id & 0x1F == 0x07]
+    assert idle == [1, 1, 1, 1]                                               # every axis asked to be idle

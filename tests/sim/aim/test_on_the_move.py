@@ -1,7 +1,6 @@
 """Shots from a robot that drives, flown by SciPy's DOP853 with the robot's velocity added: the ball still scores."""
 
 import math
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -175,10 +174,3 @@ def test_a_robot_too_fast_or_without_a_set_point_for_it_holds(file: AimFile) -> 
     assert drive(0.01, 0.0, {"": old})[0].verdict.fire
     by_plan = replace(config(), aim=AimConfig("plan", 0.0))
     assert "robot_moves" in [reason.code for reason in drive(1.0, 0.0, {}, facts=by_plan)[0].verdict.reasons]
-
-
-def test_the_file_is_written_and_read_with_its_motion(file: AimFile, tmp_path: Path) -> None:
-    (segment,) = file.content.segments
-    assert segment.motion is not msgspec.UNSET
-    carry, sideways = segment.motion.carry_s.value, segment.motion.sideways_s.value
-    assert all(0.2 < along < across < 1.4 for along, across in zip(carry, sideways, strict=True))

@@ -6,7 +6,7 @@ from pathlib import Path
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_session_config, load_trials
 from truearc.robot.types import Tick
-from truearc_frc.wpilog_export import WpilogWriter, make_payload
+from truearc_frc.wpilog import WpilogWriter, make_payload
 
 # name -> (kind, unit in the metadata)
 SIGNALS = {

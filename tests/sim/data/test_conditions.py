@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from tests.sim.physics.rigs import GUPPY
-from truearc.sim.data.conditions import Circumstances, circumstances_of, gather_circumstances
-from truearc.sim.data.dataset import Dataset, Shots, Traces
+from truearc.sim.data.dataset import Circumstances, Dataset, Shots, Traces, circumstances_of, gather_circumstances
 
 NAN = np.nan
 
@@ -55,12 +54,6 @@ def test_age_by_time_and_by_ball():
     np.testing.assert_allclose(circumstances_of(_dataset(balls, t_s=[0.0, 1.0, 2.0, 0.0, 1.0])).age,
                                (0.0, 0.0, 0.5, 1.0, 0.5))
     assert "age" not in known(_dataset(balls, motor_ratio=[0.5] * 5))
-
-
-def test_a_single_shot_has_no_age_to_speak_of():
-    assert circumstances_of(_dataset(t_s=[3.0])).age == 0.0
-    assert circumstances_of(_dataset({"ball_id": ("x",)}, t_s=[3.0])).age == 0.0
-    assert known(_dataset(t_s=[3.0])) == frozenset()
 
 
 def test_density_by_the_ideal_gas():

@@ -18,7 +18,6 @@ from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.data.files import hash_dataset, load_dataset, load_rig, save_dataset
 
 WORDS = st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\x00"), max_size=8)
-NUMBERS = st.one_of(st.floats(allow_nan=False, allow_infinity=False), st.just(float("nan")))
 
 
 def test_reads_what_formats_md_shows(tmp_path):
@@ -38,23 +37,6 @@ def test_reads_what_formats_md_shows(tmp_path):
     np.testing.assert_array_equal(data.tracks.shot, [0, 0, 1])
     assert data.traces.signal == ("battery_v",)
     assert data.left_out == ()
-
-
-def test_take_keeps_rows_together(tmp_path):
-    rows = f"{HEADER}\n{GOOD}\nb,4,45,0.6,miss,low,day2,21\nc,5,40,0.7,two,,day2,22\n"
-    shots = load_dataset(write(tmp_path, rows)).shots
-    some = shots.take([2, 0])
-    assert some.shot_id == ("c", "a")
-    assert some.text("outcome") == ("two", "three")
-    np.testing.assert_array_equal(some.number("distance_m"), [5.0, 3.0])
-    assert shots.take(np.array([False, True, False])).shot_id == ("b",)
-    assert len(shots.take(np.array([], dtype=int))) == 0
-
-
-def test_a_spreadsheets_byte_order_mark_and_line_ends_are_taken(tmp_path):
-    write(tmp_path, "")
-    (tmp_path / "shots.csv").write_bytes(b"\xef\xbb\xbfshot_id,distance_m\r\na,3\r\n\r\nb,4\r\n")
-    np.testing.assert_array_equal(load_dataset(tmp_path).shots.number("distance_m"), [3.0, 4.0])
 
 
 def test_ids_that_look_like_numbers_stay_text(tmp_path):
@@ -90,13 +72,6 @@ def test_a_bad_parquet_row_is_named(tmp_path):
         load_dataset(home)
     assert "shots.parquet: row 2: distance_m: nan is not a finite number" in str(error.value)
     assert "shots.parquet: row 2: outcome: 'four'" in str(error.value)
-
-
-def test_a_torn_parquet_file_is_named(tmp_path):
-    home = parquet_of(tmp_path / "p", shot_id=["a"])
-    (home / "shots.parquet").write_bytes((home / "shots.parquet").read_bytes()[:20])
-    with pytest.raises(InputError, match=r"shots\.parquet"):
-        load_dataset(home)
 
 
 def test_two_files_of_one_table_are_refused(tmp_path):
@@ -166,13 +141,6 @@ def test_an_infinite_number_is_not_written(tmp_path):
         save_dataset(tmp_path, Dataset("d", FACTS, Shots(("a",), {"distance_m": np.array([np.inf])}, {})))
 
 
-def test_unknown_rig_keys_are_warned_of(tmp_path, capsys):
-    load_dataset(write(tmp_path, f"{HEADER}\n{GOOD}\n", rig=RIG + "[believ]\nterms = []\n[air]\ndensty = 1.2\n"))
-    warnings = capsys.readouterr().err
-    assert "rig.toml: key believ is not known" in warnings
-    assert "rig.toml: key air.densty is not known" in warnings
-
-
 @pytest.mark.parametrize(("old", "new", "message"), [
     ("mass_kg = 0.14", "mass_kg = 0.0", "ball.mass_kg: 0.0 must be above 0"),
     ("mass_kg = 0.14", "mass_kg = nan", "ball.mass_kg: nan is not finite"),
@@ -192,17 +160,6 @@ def test_a_bad_rig_is_named(tmp_path, old, new, message):
     assert message in str(error.value)
 
 
-def test_a_rig_that_cannot_be_read_is_named_without_the_systems_number(tmp_path):
-    (tmp_path / "rig.toml").mkdir()
-    with pytest.raises(InputError, match=r"rig\.toml: Is a directory$"):
-        load_rig(tmp_path / "rig.toml")
-    with pytest.raises(InputError, match=r"none\.toml: No such file or directory$"):
-        load_rig(tmp_path / "none.toml")
-    (tmp_path / "latin.toml").write_bytes(b"[ball] # f\xfcr\n")
-    with pytest.raises(InputError, match=r"latin\.toml: not UTF-8 text$"):
-        load_rig(tmp_path / "latin.toml")
-
-
 def test_a_key_that_is_not_known_is_named_beside_the_one_that_is_missing(tmp_path: Path,
                                                                         capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "rig.toml"
@@ -210,12 +167,3 @@ def test_a_key_that_is_not_known_is_named_beside_the_one_that_is_missing(tmp_pat
     with pytest.raises(InputError, match=r"ball\.mass_kg: missing key"):
         load_rig(path)
     assert "key ball.mass_g is not known" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("text", ["ball = 3\n", "[[ball]]\nmass_kg = 1\n", "[launcher]\nwheel = 1\n",
-                                  "ball = [1, [2]]\n"])
-def test_tables_of_another_kind_are_refused(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "rig.toml"
-    path.write_text(text)
-    with pytest.raises(InputError, match=r"rig\.toml:?\d*: "):
-        load_rig(path)

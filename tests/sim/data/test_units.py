@@ -105,11 +105,6 @@ def test_a_column_with_points_does_not_make_thousands_of_anothers_commas(tmp_pat
     assert (shots.number("distance_m"), shots.number("motor_ratio")) == (4.55, 0.5)
 
 
-def test_a_byte_order_mark_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    load(tmp_path, "\ufeffshot_id,distance_m\na,3\n")
-    assert "shots.csv: read without the byte-order mark" in capsys.readouterr().err
-
-
 def test_commas_that_were_read_as_points_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     load(tmp_path, 'shot_id,distance_m,hood_deg\na,"3,05","0,579"\n')
     assert capsys.readouterr().err == (f"warning: {tmp_path}/shots.csv: read with commas as decimal points: "
@@ -145,12 +140,6 @@ def test_a_missing_column_is_named_beside_near_misses(tmp_path: Path) -> None:
 def test_covariates_keep_their_names(tmp_path: Path) -> None:
     numbers = load(tmp_path, "shot_id,motor_ratio,Humidity,motor_rpm,coating_g\na,0.4,0.5,3000,2\n").shots.numbers
     assert set(numbers) == {"motor_ratio", "Humidity", "motor_rpm", "coating_g"}
-
-
-@pytest.mark.parametrize(("cell", "outcome"), [("Three", "three"), (" three", "three"), ("3", "three"), ("2", "two"),
-                                               ("n/a", ""), ("MISS", "miss"), ("", "")])
-def test_outcomes_may_be_spelt_otherwise(tmp_path: Path, cell: str, outcome: str) -> None:
-    assert load(tmp_path, f"shot_id,hood_deg,outcome\na,40,{cell}\n").shots.text("outcome") == (outcome,)
 
 
 def test_each_word_that_is_no_outcome_is_told_once_with_what_to_write(tmp_path: Path) -> None:
@@ -209,19 +198,6 @@ def test_rows_that_were_pasted_twice_are_warned_of(tmp_path: Path, capsys: pytes
         load(tmp_path, "\n".join(["shot_id,distance_m,hood_deg,outcome", *ids]))
         said = capsys.readouterr().err
         assert ("each shot stands there 2 times under other names; if rows were pasted twice" in said) == warned
-
-
-def test_a_table_in_another_encoding_says_how_to_save_it(tmp_path: Path) -> None:
-    home = tmp_path / "d"
-    load(home, SI)
-    (home / "shots.csv").write_bytes(SI.encode("utf-16"))
-    with pytest.raises(InputError, match=r"shots\.csv:1: not UTF-8 text; save the table as UTF-8"):
-        load_dataset(home)
-
-
-def test_times_of_tracks_are_named_by_the_files_own_column_and_value(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"tracks\.csv:3: t_ms: 12 does not follow 14 of the same shot"):
-        load(tmp_path, SI, "shot_id,t_ms,x_m,y_m,z_m\na,14,0,0,1\na,12,1,0,1\n")
 
 
 def test_a_missing_cell_is_named_by_the_files_own_column(tmp_path: Path) -> None:

@@ -57,15 +57,9 @@ def with_plane(seed: int, n: int = 12, wide: int = 4) -> ScoreTable:
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(n, wide, wide))
     rows = np.arange(0, n, 2)
-    plane = PlaneScores(
-        rows,
-        heights(len(rows), rng),
-        rng.normal(0.0, 0.3, len(rows)),
-        rng.uniform(0.05, 0.3, len(rows)),
-        rng.normal(0.0, 0.3, (len(rows), wide)),
-        rng.normal(0.0, 0.01, (len(rows), wide)),
-        rng.normal(0.0, 0.1, (len(rows), wide)),
-    )
+    plane = PlaneScores(rows, heights(len(rows), rng), rng.normal(0.0, 0.3, len(rows)),
+                        rng.uniform(0.05, 0.3, len(rows)), rng.normal(0.0, 0.3, (len(rows), wide)),
+                        rng.normal(0.0, 0.01, (len(rows), wide)), rng.normal(0.0, 0.1, (len(rows), wide)))
     columns = (*(column(f"c{k}") for k in range(wide - 2)), column("a", "shared"), column("b", "shared"))
     return make_evidence(np.arange(n), columns, np.zeros(wide), rng.normal(size=(n, wide)),
                          root @ np.swapaxes(root, 1, 2), plane, np.diag([2.0, 3.0]), np.array([0.3, -0.1]),

@@ -4,8 +4,9 @@ All numbers SI; frame x toward the target, y left, z up.
 """
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
-from tests.sim.discover.worlds import fly, heights_at
+from tests.sim.discover.worlds import heights_at
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 
@@ -41,11 +42,13 @@ def make_three_wheels(sag: float, shots: int, seed: int) -> Dataset:
 def make_drops(shots: int, seed: int, cd: float = 0.5, track_m: float = 0.02) -> Dataset:
     """Balls let fall from 10 m and filmed, with hardly any speed of their own; a rig without wheels and target."""
     rng = np.random.default_rng(seed)
-    time_s = np.linspace(0.0, 1.2, 20)
+    time_s, drag = np.linspace(0.0, 1.2, 20), 0.5 * cd * 1.2 * np.pi * RADIUS**2 / MASS
     parts = []
     for _ in range(shots):
         start = np.array([0.0, 0.0, 10.0, 1e-4, 0.0, rng.uniform(-1.0, 0.0)])
-        parts.append(fly(start, time_s, (cd, 0.0, 0.0, 0.0, 0.0)) + rng.normal(0.0, track_m, (len(time_s), 3)))
+        flown = solve_ivp(lambda _, s: [*s[3:], *(-drag * np.linalg.norm(s[3:]) * s[3:] - [0.0, 0.0, 9.81])],
+                          (0.0, 1.2), start, "DOP853", t_eval=time_s, rtol=1e-9, atol=1e-10)
+        parts.append(flown.y[:3].T + rng.normal(0.0, track_m, (len(time_s), 3)))
     tracks = Tracks(np.repeat(np.arange(shots), len(time_s)), np.tile(time_s, shots), *np.concatenate(parts).T)
     facts = Rig(ball=Ball(MASS, RADIUS), noise=Noise(track_m=track_m))
     return Dataset("drops", facts, Shots(tuple(map(str, range(shots))), {}, {}), tracks)

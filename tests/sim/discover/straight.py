@@ -12,8 +12,7 @@ import numpy as np
 
 from tests.sim.discover.made import column
 from truearc.robot.config.rig_spec import Ball, Rig, Target
-from truearc.sim.data.conditions import Circumstances
-from truearc.sim.data.dataset import Shots
+from truearc.sim.data.dataset import Circumstances, Shots
 from truearc.sim.infer.fit import Fit, climb
 from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.infer.likelihood.data import Intake
@@ -52,22 +51,8 @@ def take_straight(y: np.ndarray) -> Intake:
     """Shots of which nothing was seen but y."""
     n, unknown = len(y), np.full(len(y), np.nan)
     zero = np.zeros(n)
-    lanes = ShotBatch(
-        Exit(zero, zero, zero, zero),
-        0.0,
-        zero,
-        zero,
-        zero,
-        zero,
-        zero,
-        np.arange(n),
-        Circumstances(),
-        0.0,
-        0.0,
-        0.0,
-        zero,
-        0.0,
-    )
+    lanes = ShotBatch(Exit(zero, zero, zero, zero), 0.0, zero, zero, zero, zero, zero, np.arange(n), Circumstances(),
+                      0.0, 0.0, 0.0, zero, 0.0)
     marked, seen = see_outcomes(Shots(tuple(map(str, range(n))), {}, {}), FACTS.target)
     return Intake(FACTS, FACTS, np.arange(n), lanes, np.zeros((n, len(DEVIATES))), np.zeros((n, len(SCATTERED))),
                   np.stack([y, unknown, unknown], axis=1), np.ones((n, 3)), marked, seen, np.zeros(0, int), None, None,
@@ -81,16 +66,8 @@ def lay_straight(usual: np.ndarray) -> Layout:
     columns: tuple[Column, ...] = (
         *(column(name, "term", usual=size) for name, size in zip(ASKED, usual, strict=True)),
         *(column(name, "shared") for name in SHARED))
-    return Layout(
-        chain,
-        columns,
-        np.arange(len(NAMES)),
-        (-1,) * len(SCATTERS),
-        np.diag(np.full(2, 0.25)),
-        np.zeros(2),
-        np.zeros(0),
-        np.zeros(len(slots)),
-    )
+    return Layout(chain, columns, np.arange(len(NAMES)), (-1,) * len(SCATTERS), np.diag(np.full(2, 0.25)), np.zeros(2),
+                  np.zeros(0), np.zeros(len(slots)))
 
 
 def slopes_and_y(planted: dict[str, float], seed: int, shots: int, copies: dict[str, str],
@@ -108,15 +85,9 @@ def slopes_and_y(planted: dict[str, float], seed: int, shots: int, copies: dict[
     return slopes, slopes @ [truth.get(name, 0.0) for name in NAMES] + rng.normal(size=shots)
 
 
-def fit_straight(
-    planted: dict[str, float],
-    seed: int,
-    shots: int = 200,
-    copies: dict[str, str] | None = None,
-    usual: dict[str, float] | None = None,
-    between: dict[str, tuple[str, ...]] | None = None,
-    varying: dict[str, np.ndarray] | None = None,
-) -> LauncherFit:
+def fit_straight(planted: dict[str, float], seed: int, shots: int = 200, copies: dict[str, str] | None = None,
+                 usual: dict[str, float] | None = None, between: dict[str, tuple[str, ...]] | None = None,
+                 varying: dict[str, np.ndarray] | None = None) -> LauncherFit:
     """The believed fit at its optimum. varying: sizes [shots] of what differs from shot to shot."""
     slopes, y = slopes_and_y(planted, seed, shots, copies or {}, between)
     for name, size in (varying or {}).items():

@@ -10,21 +10,17 @@ from msgspec import structs
 import truearc as ta
 from tests.sim.discover.odd_rigs import make_drops
 from tests.sim.few_terms import few_terms
-from truearc.sim.data.conditions import circumstances_of
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.dataset import Dataset, Shots, circumstances_of
 from truearc.sim.discover import investigate as adopt
-from truearc.sim.discover.detect.localization import Correction
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import Investigation, discover, judge_adoption, make_belief, with_worth
 from truearc.sim.discover.report.finding_text import console_lines, say_adopted
 from truearc.sim.discover.select import simulations as freed
 from truearc.sim.discover.select.posterior import Family, Hypothesis, Part
-from truearc.sim.discover.select.simulations import Freed, HoldOut, hold_out
 from truearc.sim.infer.belief import Belief, Curve, before_the_shot, load_belief, point_belief
-from truearc.sim.infer.launcher import Launcher, LauncherFit
+from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import lay_out
-from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.physics.simulate import classify, predict
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
@@ -105,15 +101,6 @@ def test_what_would_lose_points_is_not_adopted(hasty: tuple[Dataset, Investigati
     assert any("not adopted as found: aimed and gated" in line for line in console_lines(said))
 
 
-def test_a_number_that_stopped_beside_the_finding_is_in_its_verdict(
-        hasty: tuple[Dataset, Investigation], monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not hasty[1].finding.data.at_limit
-    monkeypatch.setattr(adopt, "stopped", lambda evidence, among: {"scatter.distance": 2.7})
-    said = with_worth(hasty[1]).finding
-    assert said.data.at_limit == {"scatter.distance": 2.7} and "scatter.distance at 2.7" in said.sentence
-    assert make_belief(hasty[1])[1]["refused"] == "beside them scatter.distance stopped at the end of its range"
-
-
 def test_of_an_unexplained_effect_the_nearest_names_are_adopted_where_they_clearly_score(
         hasty: tuple[Dataset, Investigation], monkeypatch: pytest.MonkeyPatch) -> None:
     """Else nothing; and then a belief that was started from stays as it is, not fitted to what no term explains."""
@@ -132,59 +119,6 @@ def test_of_an_unexplained_effect_the_nearest_names_are_adopted_where_they_clear
     assert kept is before and say_adopted(found.finding, provenance).startswith("adopted: nothing, the belief stays")
 
 
-def test_points_with_tracks_are_judged_from_the_settings_alone(nameless: Investigation) -> None:
-    """A track of the very shot is not known when it is aimed."""
-    fitted = nameless.fitted
-    assert fitted is not None
-    model = fitted.without_terms()
-    blind = hold_out([model], [0.0])
-    told = model.scores.plane
-    assert told is not None and np.median(blind.sd_m) > 2.0 * np.median(told.spread_m)
-    off_m = scored_heights(nameless, blind)
-    assert 0.7 < np.mean(off_m**2)**0.5 < 1.4
-
-
-def scored_heights(found: Investigation, said: HoldOut) -> np.ndarray:
-    """Heights of the shots' tracks where they end near the plane, in standard deviations from the forecasts."""
-    fitted = found.fitted
-    assert fitted is not None and fitted.scores.plane is not None
-    told = fitted.scores.shared_only().plane
-    assert told is not None
-    return np.asarray((told.mean_m - said.mean_m) / said.sd_m)
-
-
-def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted(nameless: Investigation,
-                                                                         monkeypatch: pytest.MonkeyPatch) -> None:
-    """As where recordings would have the ball driven by the air: the fit stops at no drag at all."""
-    plain = freed.freed
-
-    def driven(fitted: LauncherFit, correction: Correction) -> Freed | None:
-        free = plain(fitted, correction)
-        assert free is not None
-        point = free.scores.point.copy()
-        point[free.scores.index("drag.cd")] = find_parameter("drag.cd").low
-        return replace(free, scores=replace(free.scores, point=point))
-
-    monkeypatch.setattr(freed, "freed", driven)
-    belief, provenance = make_belief(nameless)
-    assert not belief.curves and belief.coefficients["drag"]["cd"] > 0.1
-    assert "drag.cd would be impossible" in provenance["refused"]
-
-
-def test_without_tracks_a_curve_that_is_not_surely_better_is_not_adopted(nameless: Investigation) -> None:
-    step = nameless.steps[-1]
-    assert step.place is not None
-    gain = step.place.correction.gain
-    luck = np.where(np.arange(len(gain)) % 2, 1.0, -0.9)           # 0.05 ± 0.1 per shot
-    place = replace(step.place, correction=replace(step.place.correction, log_after=step.place.correction.log_after
-                                                   - gain + luck))
-    data = replace(step.fitted.model.data, samples=None)
-    blind = replace(step.fitted, model=replace(step.fitted.model, data=data))
-    for fitted, adopts in ((step.fitted, True), (blind, False)):
-        curves, why = freed.all_freed(replace(step, place=place, fitted=fitted, change=None), nameless.search)
-        assert bool(curves) == adopts and ("not clearly" in why) != adopts
-
-
 def changed(found: Investigation, names: tuple[str, ...]) -> Investigation:
     """The first step unexplained, its likeliest change one of launch speed by distance, beside the names."""
     assert found.search is not None
@@ -194,49 +128,10 @@ def changed(found: Investigation, names: tuple[str, ...]) -> Investigation:
     return replace(found, steps=(replace(step, unknown=True, change=change),))
 
 
-def test_an_unexplained_change_is_adopted_with_the_name_that_it_stands_beside() -> None:
-    """Balls that leave slower the farther off the target is, by a fifth in 2.5 m, and a robot that shoots too soon."""
-    found = discover(shoot(make_world({"rapid_fire": 0.2, "far_kick": -0.2}, "L1", 192, 1, side=True)), seed=1,
-                     terms=FEW)
-    leader = found.steps[0].naming.leader
-    assert leader == "rapid_fire.loss"
-    nameless = changed(found, (leader,))
-    belief, provenance = make_belief(nameless, judge_adoption(nameless, threshold=None))
-    assert provenance["adopted"] == ["rapid_fire", "launch speed by distance_m"]
-    near, far = (belief.curves["free_speed"].by({"distance_m": [at]}, 1)[0] @ belief.curves["free_speed"].points
-                 for at in (3.5, 6.5))
-    assert far - near == pytest.approx(-0.24, abs=0.1)
-
-
-def test_only_names_that_were_put_in_together_are_adopted(hasty: tuple[Dataset, Investigation]) -> None:
-    """Of a pair, a name that its rivals have overtaken is no part of the fit beside the other name."""
-    found, name = hasty[1], "hood_offset.angle_deg"
-    first, fitted = found.steps[0], found.fitted
-    assert fitted is not None
-    other = fitted.with_terms((name,), np.zeros(1))
-    naming = replace(first.naming, refits={name: other}, nats={name: 1.0}, inclusion={name: 1.0})
-    both = replace(found, steps=(first, replace(first, naming=naming)))
-    belief, provenance = make_belief(both, judge_adoption(both, lambda before, after: (0.1, 0.2), None))
-    assert provenance["adopted"] == ["hood_offset"]
-    assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency", "hood_offset"}
-
-
 def test_a_change_that_stands_alone_must_be_clearly_better_without_tracks(hasty: tuple[Dataset, Investigation]) -> None:
     """Nothing goes with the distance in this world."""
     curves, why = freed.all_freed(changed(hasty[1], ()).steps[0], hasty[1].search)
     assert curves == () and "not clearly" in why
-
-
-def test_nothing_is_adopted_where_tracks_and_outcomes_contradict_each_other() -> None:
-    """Outcomes of other shots, beside tracks and launches that are right."""
-    dataset = shoot(make_world({}, "L2", 64, 5))
-    outcome = dataset.shots.text("outcome")
-    order = np.random.default_rng(1).permutation(len(outcome))
-    texts = {**dataset.shots.texts, "outcome": tuple(outcome[k] for k in order)}
-    texts.pop("side", None)
-    mixed_up = ta.discover(replace(dataset, shots=replace(dataset.shots, texts=texts)), seed=1, terms=FEW)
-    with pytest.raises(ta.InputError, match=r"nothing is adopted: .*(scatter\.distance|tracks and outcomes)"):
-        mixed_up.adopt()
 
 
 def test_the_simulator_that_believes_it_foretells_better(hasty: tuple[Dataset, Investigation]) -> None:
@@ -336,23 +231,6 @@ def test_nothing_is_adopted_beside_a_tracker_error_at_its_bound() -> None:
     with pytest.raises(ta.InputError, match="nothing is adopted: track_"):
         tilted.adopt()
     assert make_belief(replace(tilted.investigation, belief=started))[0] is started
-
-
-def test_what_was_found_is_judged_beside_the_belief_as_it_is() -> None:
-    """A robot that adopts nothing keeps its numbers, so these are what a finding must beat: not a fit of them to the
-    very shots. Heights as another code flies the belief."""
-    home, event = (shoot(make_world(effects, "L0", 60, 12)) for effects in ({}, {"wind_x": -3.0}))
-    belief, _ = make_belief(replace(discover(home, seed=1, terms=FEW), steps=()))
-    found = discover(event, seed=1, belief=belief, terms=FEW)
-    assert found.fitted is not None
-    model = adopt.unfitted(found.fitted)
-    told = adopt.worth.as_believed(model)
-    assert model.scores.plane is not None
-    rows = model.scores.rows[model.scores.plane.rows]
-    forecast = ta.predict(event, belief)
-    off_m = [row[forecast.columns.index("deviation_m")] for row in forecast.rows]
-    assert told.mean_m == pytest.approx([off_m[row] for row in rows], abs=5e-3)
-    assert told.mean_m.std() > 0.05
 
 
 def test_what_was_judged_with_the_finding_is_not_judged_again(hasty: tuple[Dataset, Investigation],

@@ -12,9 +12,8 @@ from tests.sim.discover.worlds import FACTS
 from tests.sim.few_terms import few_terms
 from truearc import sim
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import ORDINARY
-from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.data.files import load_dataset, save_dataset, save_rig
+from truearc.sim.data.dataset import ORDINARY, Dataset, Shots, Tracks
+from truearc.sim.data.files import load_dataset, save_dataset
 from truearc.sim.discover.investigate import discover
 from truearc.sim.physics.catalogue import TERMS, Catalogue, effective, flight_terms, terms_of_file
 from truearc.sim.physics.flight import path
@@ -55,13 +54,6 @@ def dataset(among: Catalogue) -> Dataset:
     return shoot(FACTS, among)
 
 
-@pytest.fixture(scope="module")
-def directory(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("own") / "flexing"
-    save_dataset(folder, dataset)
-    return folder
-
-
 def test_discover_names_the_term_that_is_given_to_it(dataset: Dataset, among: Catalogue) -> None:
     found = discover(dataset, terms=[*RIVALS, among.find(["hood_flex"])[0]])
     assert found.finding.verdict == "named" and found.finding.set == ("hood_flex",)
@@ -70,20 +62,6 @@ def test_discover_names_the_term_that_is_given_to_it(dataset: Dataset, among: Ca
     assert "the hood yields to the ball" in found.finding.sentence and "flatter" in found.finding.sentence
     assert {"do": "measure", "instrument": "hood_film",
             "what": "hood angle while a ball passes, on film at 240 frames/s"} in found.finding.next
-
-
-@pytest.fixture
-def rig(tmp_path: Path) -> Path:
-    save_rig(tmp_path / "rig.toml", FACTS)
-    return tmp_path / "rig.toml"
-
-
-def test_before_any_data_its_file_says_how_many_shots_it_takes(rig: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["identifiability", str(rig), "--shots", "32", "--level", "L0", "--quiet"]
-    assert truearc.main([*words, "--terms-from", str(FILE)]) == 0
-    assert "hood_flex" in capsys.readouterr().out
-    assert truearc.main(words) == 0
-    assert "hood_flex" not in capsys.readouterr().out
 
 
 @pytest.fixture
@@ -115,14 +93,3 @@ def test_fit_and_predict_know_the_terms_of_a_file(heights: Path, tmp_path: Path,
     rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
     told = np.array([float(row["deviation_m"]) for row in rows])
     assert np.std(told - load_dataset(heights).shots.number("miss_height_m")) < 0.04
-
-
-@pytest.mark.parametrize(("words", "message"), [
-    (["predict", "DIR", "--gate", "g.onnx", "--terms-from", "FILE"], "--terms-from: does not apply with --gate"),
-    (["predict", "DIR", "--cd", "0.5", "--cl", "0.1", "--terms-from", "FILE"], "--terms-from: applies with"),
-    (["discover", "DIR", "--terms-from", "nowhere.py"], "nowhere.py"),
-    (["discover", "DIR", "--terms-from", "FILE", "--terms-from", "FILE"], "there is a term 'hood_flex' already")])
-def test_an_option_that_does_not_apply_is_refused(words: list[str], message: str, directory: Path,
-                                                  capsys: pytest.CaptureFixture[str]) -> None:
-    assert truearc.main([{"DIR": str(directory), "FILE": str(FILE)}.get(word, word) for word in words]) == 2
-    assert message in capsys.readouterr().err

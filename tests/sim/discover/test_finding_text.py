@@ -1,91 +1,68 @@
-"""Verdicts as text: sizes in the units of a driver coach, signs that agree with what the terms do."""
+"""Findings as text and on disk: sizes and signs as the terms act; golden ones written again to the byte."""
 
 import re
+from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
 from tests.sim.discover.made import stand_in
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Wheel
+from truearc.sim.discover import finding as rec
 from truearc.sim.discover.detect.battery import Test
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Correction, Place
-from truearc.sim.discover.finding import (
-    DataSummary,
-    FindingRecord,
-    FitSummary,
-    FoundEffect,
-    Interval,
-    Mismatch,
-    Named,
-    Unknown,
-    Where,
-)
-from truearc.sim.discover.report.finding_text import (
-    console_lines,
-    say_chance,
-    say_effect,
-    say_named,
-    say_none,
-    say_step,
-    say_unknown,
-    size_of,
-)
+from truearc.sim.discover.report import finding_text as text
 from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.catalogue import TERMS, find_terms
-from truearc.sim.physics.term import BallState, Exit, Opening, complete
-from truearc.sim.physics.vector import Vec
+from truearc.sim.physics.term import BallState, Exit, Opening, Vec, complete
 
-WHERE = Where("launch", None, None, None, {}, None, None, (), None)
-NO_FIT = FitSummary(100, -0.9, None, None, None, None, None, None, None)
+WHERE = rec.Where("launch", None, None, None, {}, None, None, (), None)
+NO_FIT = rec.FitSummary(100, -0.9, None, None, None, None, None, None, None)
 BATTERY, WARMTH = (Covariate(((name, np.arange(4.0)),)) for name in ("battery_v", "temperature_c"))
 FACTS = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.05, 1.0, 180.0),
                                                              Wheel("upper", 0.03, 0.5, 0.0))))
 
 
-def interval(value: float, sd: float, unit: str = "1") -> Interval:
-    return Interval(value, sd, value - 2.0 * sd, value + 2.0 * sd, unit)
+def interval(value: float, sd: float, unit: str = "1") -> rec.Interval:
+    return rec.Interval(value, sd, value - 2.0 * sd, value + 2.0 * sd, unit)
 
 
-def named(term: str, value: float, sd: float, probability: float = 0.9, unit: str = "1") -> Named:
+def named(term: str, value: float, sd: float, probability: float = 0.9, unit: str = "1") -> rec.Named:
     found = find_terms([term])[0]
-    return Named(term, probability, {found.parameters[0].name: interval(value, sd, unit)}, found.sentence, found.stage)
+    sizes = {found.parameters[0].name: interval(value, sd, unit)}
+    return rec.Named(term, probability, sizes, found.sentence, found.stage)
 
 
-def told(
-    what: tuple[Named, ...],
-    chosen: tuple[str, ...] = (),
-    also: tuple[FoundEffect, ...] = (),
-    fit: FitSummary = NO_FIT,
-    believed: tuple[str, ...] = ("gravity",),
-    p_value: float = 0.01,
-) -> str:
+def told(what: tuple[rec.Named, ...], chosen: tuple[str, ...] = (), also: tuple[rec.FoundEffect, ...] = (),
+         fit: rec.FitSummary = NO_FIT, believed: tuple[str, ...] = ("gravity",), p_value: float = 0.01) -> str:
     """The sentence for these names; the first alone unless more are chosen."""
-    leading = FoundEffect(what, chosen or (what[0].term,), None)
-    return say_named(believed, p_value, leading, also, fit, None)
+    leading = rec.FoundEffect(what, chosen or (what[0].term,), None)
+    return text.say_named(believed, p_value, leading, also, fit, None)
 
 
 PHRASES = {term.name: term.phrase for term in TERMS}
 
 
 def test_shares_are_told_as_per_cent_with_their_interval() -> None:
-    said = say_effect("exit_efficiency", interval(0.042, 0.005), "")
+    said = text.say_effect("exit_efficiency", interval(0.042, 0.005), "")
     assert said == "the ball leaves 4.2 % (90 %: 3.2 to 5.2 %) slower than the wheels' surfaces run"
-    assert "1.5 cm (90 %: 0.5 to 2.5 cm) lower" in say_effect("target_height", interval(-0.015, 0.005, "m"), "")
-    assert "3.0 % (90 %: 1.0 to 5.0 %) slower" in say_effect("battery_sag", interval(0.3, 0.1), "")
+    assert "1.5 cm (90 %: 0.5 to 2.5 cm) lower" in text.say_effect("target_height", interval(-0.015, 0.005, "m"), "")
+    assert "3.0 % (90 %: 1.0 to 5.0 %) slower" in text.say_effect("battery_sag", interval(0.3, 0.1), "")
 
 
 def test_spin_decay_is_told_as_a_time_constant_whose_ends_swap() -> None:
     """After the time constant the term itself leaves 1/e of the spin."""
-    said = say_effect("spin_decay", Interval(0.5, 0.07, 0.4, 0.625, "1/s"), "")
+    said = text.say_effect("spin_decay", rec.Interval(0.5, 0.07, 0.4, 0.625, "1/s"), "")
     assert said == "the ball loses spin in flight, with a time constant of 2.00 s (90 %: 1.60 to 2.50 s)"
     spinning = BallState(Vec(0.0, 0.0, 1.0), Vec(9.0, 0.0, 1.0), Vec(0.0, -5.0, 0.0), 2.0)
     later = find_terms(["spin_decay"])[0].meet(FACTS, {"rate_per_s": 0.5}, spinning)
     assert float(later.spin_rev_s.y) == pytest.approx(-5.0 / np.e, rel=1e-6)
-    unsure = say_effect("spin_decay", Interval(0.2, 0.2, -0.1, 0.5, "1/s"), "")
+    unsure = text.say_effect("spin_decay", rec.Interval(0.2, 0.2, -0.1, 0.5, "1/s"), "")
     assert unsure.endswith("with a time constant of 5.0 s (90 %: at least 2.0 s)")
-    assert size_of("spin_decay", 0.4, "1/s") == "2.5 s (time constant)"
+    assert text.size_of("spin_decay", 0.4, "1/s") == "2.5 s (time constant)"
 
 
 @pytest.mark.parametrize(("p_value", "said"), [
@@ -93,10 +70,10 @@ def test_spin_decay_is_told_as_a_time_constant_whose_ends_swap() -> None:
     (3.0 / 2000.0, "1 dataset in 670"), (0.0105, "1 dataset in 95"), (0.05, "1 dataset in 20"),
     (0.41, "41 datasets in 100"), (1.0, "100 datasets in 100")])
 def test_a_p_value_is_told_as_a_share_of_datasets_in_which_nothing_is_missing(p_value: float, said: str) -> None:
-    assert say_chance(p_value) == f"{said} would look this extreme"
+    assert text.say_chance(p_value) == f"{said} would look this extreme"
     whole = f"If nothing were missing, {said} would look this extreme (p = {p_value:.2g}, "
     assert whole in told((named("drag", 0.5, 0.1),), p_value=p_value)
-    assert whole in say_none(("gravity",), p_value, 80, 0.05)
+    assert whole in text.say_none(("gravity",), p_value, 80, 0.05)
 
 
 @pytest.mark.parametrize(("term", "word"), [
@@ -140,25 +117,25 @@ def test_other_words_have_the_sign_of_the_term() -> None:
 def test_probabilities_that_add_up_to_more_than_one_are_of_two_together(first: float, second: float, said: str) -> None:
     what = (named("drag", 0.5, 0.1, first), named("wind_y", 1.0, 0.1, second, "m/s"))
     assert said in told(what, ("drag", "wind_y"))
-    finding = FindingRecord(DataSummary(20, "L0", (), ("gravity",), {}, {"by": "shot", "count": 20}),
-                            Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None, what=what)
-    (line,) = (line for line in console_lines(finding) if line.startswith("names: "))
+    finding = rec.FindingRecord(rec.DataSummary(20, "L0", (), ("gravity",), {}, {"by": "shot", "count": 20}),
+                            rec.Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None, what=what)
+    (line,) = (line for line in text.console_lines(finding) if line.startswith("names: "))
     assert line.endswith("(two together count for both)") == (first + second > 1.0)
 
 
 def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
     drag = (named("drag", 0.5, 0.1),)
-    said = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.19, 0.11, 0.71, 0.83))
+    said = told(drag, fit=rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.19, 0.11, 0.71, 0.83))
     assert "83 of 100 outcomes right instead of 71 and heights within 11 cm instead of 19 cm" in said
     low, high = map(float, re.search(r"90 %: ([+-][\d.]+) to ([+-][\d.]+)\)", said.partition("log score")[2]).groups())
     assert (low, high) == (pytest.approx(0.2 - 1.645 * 0.05, abs=1e-3), pytest.approx(0.2 + 1.645 * 0.05, abs=1e-3))
-    worse = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71))
+    worse = told(drag, fit=rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71))
     assert "does better (log score" in worse and "but forecasts 71 of 100 outcomes right instead of 83" in worse
-    assert "not clearly better" in told(drag, fit=FitSummary(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72))
-    assert "scores worse" in told(drag, fit=FitSummary(100, -0.9, -1.0, -0.1, 0.05, None, None, 0.71, 0.70))
-    far = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, 7.2, 0.84, None, None))
+    assert "not clearly better" in told(drag, fit=rec.FitSummary(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72))
+    assert "scores worse" in told(drag, fit=rec.FitSummary(100, -0.9, -1.0, -0.1, 0.05, None, None, 0.71, 0.70))
+    far = told(drag, fit=rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, 7.2, 0.84, None, None))
     assert "heights within 84 cm instead of 7.2 m" in far
-    ends = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.06, 0.02, None, None, "track end"))
+    ends = told(drag, fit=rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.06, 0.02, None, None, "track end"))
     assert "how high tracks end, from their first 40 %, within 2 cm instead of 6 cm" in ends
 
 
@@ -174,17 +151,17 @@ def test_what_has_no_name_is_described(what: Covariate | CovariatePair | Factor 
     correction = stand_in(Correction)
     place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, correction, {}, {}, None)
     ends = (-0.15, -0.09) if shape == "measured" else (None, None)
-    unknown = Unknown(None if what is None else what.name, "along", -0.12 if ends[0] else 0.12, "1", *ends)
-    assert said in say_unknown(("gravity",), 0.01, WHERE, FoundEffect((), None, unknown), (), NO_FIT, place)
+    unknown = rec.Unknown(None if what is None else what.name, "along", -0.12 if ends[0] else 0.12, "1", *ends)
+    assert said in text.say_unknown(("gravity",), 0.01, WHERE, rec.FoundEffect((), None, unknown), (), NO_FIT, place)
 
 
 def test_a_name_that_shows_as_a_step_in_time_says_since_when() -> None:
     column = Column("launch elevation", "free", "launch", "vertical", "rad", 0.02, ("steeper", "flatter"))
     time = Covariate((("t_s", np.arange(4.0)),))
-    leading = FoundEffect((named("ball_wear", 0.1, 0.01),), ("ball_wear",), None)
+    leading = rec.FoundEffect((named("ball_wear", 0.1, 0.01),), ("ball_wear",), None)
     for what, shape, told in ((time, "step at 2990", True), (time, "straight", False), (BATTERY, "step at 12", False)):
         place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, stand_in(Correction), {}, {}, None)
-        said = say_named(("gravity",), 0.01, leading, (), NO_FIT, place)
+        said = text.say_named(("gravity",), 0.01, leading, (), NO_FIT, place)
         assert ("as a step where the time in the session is above 2990" in said) == told
 
 
@@ -192,10 +169,10 @@ def test_console_lines_name_steps_and_what_was_left_out() -> None:
     steps = ({"do": "measure", "what": "ball mass with a scale"},
              {"do": "shoot", "distance_m": 6.6, "hood_deg": 38.0, "motor_ratio": 0.62, "motor_rpm": 3517, "shots": 20,
               "separates": ["hood_offset", "wind_x"]})
-    finding = FindingRecord(DataSummary(20, "L0", ("2 shots",), ("gravity",), {}, {"by": "shot", "count": 20}),
-                      Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None,
+    finding = rec.FindingRecord(rec.DataSummary(20, "L0", ("2 shots",), ("gravity",), {}, {"by": "shot", "count": 20}),
+                      rec.Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None,
                       what=(named("drag", 0.5, 0.1, 0.7), named("wind_x", 1.0, 0.1, 0.0001)), next=steps)
-    lines = console_lines(finding)
+    lines = text.console_lines(finding)
     assert lines[0] == "Verdict."
     shoot = "next: 20 shots at 6.6 m, hood 38°, motor 0.62 (3517 rpm), to tell hood offset from head or tail wind"
     assert shoot in lines
@@ -203,5 +180,28 @@ def test_console_lines_name_steps_and_what_was_left_out() -> None:
     assert "names: drag 70%" in lines
     sure = msgspec.structs.replace(finding, data=msgspec.structs.replace(finding.data, level="L2"),
                                    what=(named("drag", 0.5, 0.1, 0.99),))
-    assert "names: drag 99% (with tracks, 74 in 100 names said to be 99 % likely were right)" in console_lines(sure)
-    assert say_step(steps[0]) == "measure ball mass with a scale"
+    assert ("names: drag 99% (with tracks, 74 in 100 names said to be 99 % likely were right)"
+            in text.console_lines(sure))
+    assert text.say_step(steps[0]) == "measure ball mass with a scale"
+
+
+GOLDEN = sorted((Path(__file__).parents[2] / "golden" / "reference").glob("finding-*/finding.json"))
+
+
+@pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.parent.name)
+def test_golden_finding_is_written_again_to_the_byte(path: Path) -> None:
+    finding = rec.load_record(path)
+    assert rec.make_json(finding) == path.read_bytes()
+    assert finding.mismatch.found == (finding.verdict != "none") and finding.data.shots > 0
+
+
+@pytest.mark.parametrize(("old", "new", "error"), [
+    (b'"truearc.finding/1"', b'"truearc.finding/2"', "schema: got 'truearc.finding/2'"),
+    (b'"verdict"', b'"said"', r"finding\.json: verdict: missing key"),
+    (b'"shots"', b'"shots', "finding.json: "),
+])
+def test_load_record_refuses_what_is_no_finding(tmp_path: Path, old: bytes, new: bytes, error: str) -> None:
+    path = tmp_path / "finding.json"
+    path.write_bytes(GOLDEN[0].read_bytes().replace(old, new, 1))
+    with pytest.raises(InputError, match=error):
+        rec.load_record(path)

@@ -9,8 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.sim.discover.mixed import BELIEVED, FLOWN, LANDED, SHOTS, THROWN, make_mixed
-from truearc.sim.data.conditions import circumstances_of
-from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.dataset import Dataset, circumstances_of
 from truearc.sim.infer.likelihood.data import Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, DIRECTIONS, Chain, Prediction, pad_lanes, see_slopes
 from truearc.sim.infer.likelihood.layout import lay_out

@@ -1,35 +1,35 @@
-"""The report as a page: verdict first, well-formed, nothing fetched, every kind of verdict."""
+"""The report as a page: verdict first, well-formed, every kind of verdict; pictures that show what is there."""
 
 import html
+import io
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from importlib.metadata import version
 
+import matplotlib.image
 import msgspec
 import numpy as np
 import pytest
 
+from tests.sim.discover.made import make_linear, term
 from tests.sim.discover.worlds import FACTS, World, make_outcomes
+from tests.sim.few_terms import few_terms
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.detect.covariates import Covariate
+from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import curve_of
 from truearc.sim.discover.finding import FoundEffect, Interval, Named
+from truearc.sim.discover.identifiability import foresee
 from truearc.sim.discover.investigate import Investigation, discover
-from truearc.sim.discover.plan.identifiability import foresee
-from truearc.sim.discover.report.pages import (
-    make_pictures,
-    make_report,
-    make_sight_page,
-    sight_lines,
-    sight_sentence,
-    why_not,
-)
+from truearc.sim.discover.report import pages
+from truearc.sim.discover.report import pictures as pic
+from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.report import Origin
 
 BELIEVED = ("gravity", "drag", "magnus", "exit_efficiency")
 VOID = {"meta", "img", "br"}
+FEW = few_terms("wind_x", "hood_offset", "wheel_slip", "battery_sag", "target_height")
 
 
 class Balanced(HTMLParser):
@@ -65,18 +65,18 @@ def read(page: str) -> str:
 @pytest.fixture(scope="module")
 def drifting() -> Investigation:
     """Outcomes with sides while the balls get faster by a tenth."""
-    return discover(make_outcomes(World(speed_drift=0.1), 120, 4), BELIEVED)
+    return discover(make_outcomes(World(speed_drift=0.1), 120, 4), BELIEVED, terms=FEW)
 
 
 @pytest.fixture(scope="module")
 def quiet() -> Investigation:
-    return discover(make_outcomes(World(), 120, 1), BELIEVED)
+    return discover(make_outcomes(World(), 120, 1), BELIEVED, terms=FEW)
 
 
 def test_the_verdict_comes_first_then_where_then_what_then_the_fine_print(drifting: Investigation) -> None:
     assert drifting.finding.verdict != "none"
     origin = Origin("2026-03-01T10:00:00+01:00", "truearc discover week --report 'a b.html'")
-    page = make_report("week <1>", drifting, origin)
+    page = pages.make_report("week <1>", drifting, origin)
     text = read(page)
     first, rest = drifting.finding.sentence.split(". ", 1)
     assert f'<p class="verdict">{html.escape(first)}.</p>\n<p>{html.escape(rest)}</p>' in page
@@ -90,34 +90,23 @@ def test_the_verdict_comes_first_then_where_then_what_then_the_fine_print(drifti
     assert "tests, alarm at 0.05" in text and "Not tested" in text
 
 
-def test_the_pictures_show_the_drift_before_and_its_absence_after(drifting: Investigation) -> None:
-    sections = make_pictures(drifting)
-    assert sections[0][0] == "Where it is"
-    assert sections[0][1].count("data:image/png;base64,") == 3     # free curve, against its covariate, field
-    assert re.search(r"against (t_s|order_in_session)", sections[0][1])
-
-
 def test_a_set_is_marked_and_a_name_besides_is_told(drifting: Investigation) -> None:
     finding = drifting.finding
     size = Interval(1.0, 0.1, 0.8, 1.2, "m/s")
     wind = Named("wind_x", 0.4, {"speed_m_s": size}, find_terms(["wind_x"])[0].sentence, "flight")
-    first = replace_probability(finding.what[0], 0.5)
+    first = msgspec.structs.replace(finding.what[0], probability=0.5)
     both = msgspec.structs.replace(finding, what=(first, wind), set=(first.term, "wind_x"), verdict="set",
                                   also=(FoundEffect((wind,), ("wind_x",), None),), unexplained=0.1)
-    page = make_report("set", replace(drifting, finding=both))
+    page = pages.make_report("set", replace(drifting, finding=both))
     text = read(page)
     assert page.count('class="fill set"') == 2 and "apart (orange)." in text and "may add up to more than 100 %" in text
     assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target" in text
     assert "an unexplained effect in their place" in text and "10%" in text
 
 
-def replace_probability(named: Named, probability: float) -> Named:
-    return msgspec.structs.replace(named, probability=probability)
-
-
 def test_nothing_found_still_shows_the_shots_and_what_they_could_have_told(quiet: Investigation) -> None:
     assert quiet.finding.verdict == "none"
-    page = make_report("quiet", quiet)
+    page = pages.make_report("quiet", quiet)
     text = read(page)
     assert "No mismatch" in text and "seen from, with 120 shots" in text and "shots needed" in text
     assert "<details><summary>Effect by effect" not in page and "Simulation and shots" in text
@@ -126,8 +115,9 @@ def test_nothing_found_still_shows_the_shots_and_what_they_could_have_told(quiet
 
 def test_an_effect_without_a_name_is_drawn_with_its_free_curve(drifting: Investigation) -> None:
     assert drifting.finding.verdict == "unknown"
-    where, picture = make_pictures(drifting)[0]
-    assert where == "Where it is" and 'alt="free curve: launch speed against t_s"' in picture
+    where, picture = pages.make_pictures(drifting)[0]
+    assert where == "Where it is" and picture.count("data:image/png;base64,") == 3    # curve, covariate, field
+    assert 'alt="free curve: launch speed against t_s"' in picture
     assert "change of launch speed over the time in the session" in picture
     place = drifting.steps[0].place
     assert place is not None and isinstance(place.test.what, Covariate)
@@ -141,20 +131,84 @@ def test_an_effect_without_a_name_is_drawn_with_its_free_curve(drifting: Investi
 def test_data_that_say_nothing_make_a_page_all_the_same() -> None:
     shots = Shots(tuple(map(str, range(20))), {"distance_m": np.linspace(2.0, 6.0, 20)}, {})
     mute = discover(Dataset("mute", FACTS, shots))
-    assert make_pictures(mute) == []
-    assert "cannot say anything" in read(make_report("mute", mute))
+    assert pages.make_pictures(mute) == []
+    assert "cannot say anything" in read(pages.make_report("mute", mute))
 
 
 def test_what_a_season_could_tell_as_table_and_page() -> None:
     sight = foresee(FACTS, ("gravity", "drag", "magnus"), "L0", 120)
-    lines = sight_lines(sight)
-    text = read(make_sight_page("rig.toml", sight))
+    lines = pages.sight_lines(sight)
+    text = read(pages.make_sight_page("rig.toml", sight))
     for one in sight.terms:
         row = next(line for line in lines if re.match(rf"(never seen: )?{one.term}\b", line))
         needed = str(one.shots_needed) if (one.shots_needed or 0) <= 10_000 else "over 10000"
         assert f" {needed} " in f"{row} " if one.shots_needed else row.startswith("never seen")
-    assert sight_sentence(sight) in text and text.index(sight_sentence(sight)) < text.index("shots needed")
+    assert pages.sight_sentence(sight) in text and text.index(pages.sight_sentence(sight)) < text.index("shots needed")
     assert any(line.startswith("one and the same") and "target_height" in line for line in lines)
-    never = {one.term: why_not(one) for one in sight.terms if one.shots_needed is None}
+    never = {one.term: pages.why_not(one) for one in sight.terms if one.shots_needed is None}
     assert "record battery_v" in never["battery_sag"] and "counted as chance" in never["ball_spread"]
     assert "magnus.cl" in never["ball_compression"]
+
+
+ROWS = np.arange(80)
+ORDER = Covariate((("t_s", np.linspace(0.0, 100.0, 80)), ("order_in_session", ROWS.astype(float))))
+SIDE = Factor("supplier", ("north", "south"), ROWS % 2)
+BLUE, ORANGE = np.array([[0x1f, 0x5f, 0xa8], [0xc2, 0x57, 0x1a]]) / 255.0
+
+
+def drawn(png: bytes | None) -> np.ndarray:
+    assert png is not None
+    return matplotlib.image.imread(io.BytesIO(png))[..., :3]
+
+
+def share_like(image: np.ndarray, colour: np.ndarray) -> float:
+    return float((np.abs(image - colour).max(axis=2) < 0.12).mean())
+
+
+def test_a_bin_holds_the_weighted_mean_with_its_error() -> None:
+    score, information = np.array([2.0, 4.0, 9.0, 8.0]), np.array([1.0, 2.0, 3.0, 4.0])
+    value, error = pic.LinearResiduals(score, information).estimate(np.ones(4, dtype=bool))
+    assert value == pytest.approx(np.average(score / information, weights=information))
+    assert error >= 1.0 / np.sqrt(10.0)
+    assert np.isnan(pic.LinearResiduals(score, information).estimate(np.arange(4) < 2)[0])
+
+
+def test_bins_are_even_or_the_values_there_are() -> None:
+    even = pic.bins_of(ORDER, ROWS)
+    assert np.bincount(even.index).tolist() == [10] * 8
+    assert (np.diff(even.middle) > 0.0).all()
+    assert pic.bins_of(SIDE, ROWS).labels == ("north", "south")
+    few = pic.bins_of(Covariate((("hood_change", np.where(ROWS % 3, 1.0, -1.0)),)), ROWS)
+    assert few.middle.tolist() == [-1.0, 1.0] and (few.middle[few.index] == np.where(ROWS % 3, 1.0, -1.0)).all()
+    gaps = Covariate((("x", np.where(ROWS < 10, np.nan, ROWS.astype(float))),))
+    assert (pic.bins_of(gaps, ROWS).index[:10] == -1).all()
+
+
+def test_the_field_is_coloured_where_shots_are_off() -> None:
+    across, up = np.tile(np.arange(10.0), 8), np.repeat(np.arange(8.0), 10)
+    off = np.where(across > 5.0, 0.1, 0.0)
+    information = np.full(80, 1e4)
+    seen = pic.LinearResiduals(off * information, information)
+    residual = pic.Residual("height", None, "arrival", 100.0, "cm", seen, None)
+    image = drawn(pic.field_png(residual, ("distance [m]", across), ("elevation", up), ""))
+    red = (image[..., 0] > 0.3) & (image[..., 2] < 0.2)
+    assert red.mean() > 0.1
+    width = image.shape[1]
+    assert red[:, :width // 3].sum() < 0.05 * red[:, width // 3:].sum()
+    assert pic.field_png(residual, ("distance [m]", np.full(80, 3.0)), ("elevation", up), "") is None
+
+
+def test_bands_along_the_flight_show_what_was_pushed() -> None:
+    spans = [(0.0, 0.2), (0.2, 0.4), (0.4, float("inf"))]
+    bands = tuple(Column(f"push vertical from {a}", "free", "flight", "vertical", "m/s2", 1.5, times_s=(a, b))
+                  for a, b in spans)
+    observed = np.tile([0.0, 0.0, 5.0], (40, 1)) + np.random.default_rng(3).normal(size=(40, 3))
+    evidence = make_linear(np.tile(np.eye(3), (40, 1, 1)), bands, np.zeros(0), observed)
+    image = drawn(pic.flight_png(evidence, None, "", [("", np.ones(40, dtype=bool))]))
+    rows = np.flatnonzero((np.abs(image - BLUE).max(axis=2) < 0.12).any(axis=1))
+    assert rows[-1] - rows[0] > 0.4 * image.shape[0]
+    two = drawn(pic.flight_png(evidence, evidence, "wind", pic.halves(ORDER, ROWS[:40])))
+    panels = two[:, :two.shape[1] // 2], two[:, two.shape[1] // 2:]
+    assert all(share_like(panel, colour) > 1e-4 for panel in panels for colour in (BLUE, ORANGE))
+    assert share_like(image, ORANGE) == 0.0
+    assert pic.flight_png(make_linear(np.ones((4, 1, 1)), (term("a"),), np.zeros(0)), None, "", []) is None

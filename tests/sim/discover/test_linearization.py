@@ -15,8 +15,8 @@ from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, S
 from truearc.sim.infer.likelihood.data import Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import pad_lanes, see_slopes
 from truearc.sim.infer.likelihood.layout import Layout, Point, lay_out
-from truearc.sim.infer.likelihood.linearization import fly, linearise, variance_of
-from truearc.sim.infer.likelihood.noise import BALL_SPEED, FLOOR_M, HEIGHT_M, LAPSE, SLIP_M
+from truearc.sim.infer.likelihood.linearization import linearise, variance_of
+from truearc.sim.infer.likelihood.noise import FLOOR_M, HEIGHT_M, LAPSE, SLIP_M
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import find_parameter
 
@@ -195,21 +195,6 @@ def class_log(bench: Bench, place: int, mean: float, spread: float, wider: float
     return float(np.log((1.0 - LAPSE) * chance + LAPSE / 3.0))
 
 
-def test_an_opening_that_has_grown_is_the_one_that_counts(bench: Bench) -> None:
-    values = bench.point.values.copy()
-    values[bench.layout.chain.slots.index(("rim_catch", "reach_m"))] = 0.03
-    grown, _ = linearise(bench.intake, bench.layout, replace(bench.point, values=values))
-    plane = bench.scores.plane
-    assert plane is not None and grown.plane is not None
-    classed = [place for place in range(len(plane.rows)) if not np.isfinite(plane.seen.height_m[place])]
-    for place in classed:
-        mean, spread = float(plane.mean_m[place]), float(plane.spread_m[place])
-        gained = grown.log_score[plane.rows[place]] - bench.scores.log_score[plane.rows[place]]
-        expected = class_log(bench, place, mean, spread, 0.03) - class_log(bench, place, mean, spread)
-        assert gained == pytest.approx(expected, abs=1e-6), place
-    assert np.allclose(grown.plane.seen.borders[1:-1], [-0.38, -0.1, 0.1, 0.38]) and len(classed) > 10
-
-
 def test_scores_and_information_are_those_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
     index = [bench.scores.index(name) for name in COLUMNS]
     slopes = [column_slope(bench, name) for name in COLUMNS]
@@ -226,21 +211,6 @@ def test_scores_and_information_are_those_of_the_big_matrix(bench: Bench, brute:
         assert found == pytest.approx(info / np.outer(size, size), abs=1e-3), row
 
 
-def test_heights_given_the_track_move_with_the_columns_as_conditioning_says(bench: Bench,
-                                                                            brute: dict[int, Brute]) -> None:
-    plane = bench.scores.plane
-    assert plane is not None
-    places = {row: number for number, row in enumerate(bench.intake.marked.tolist())}
-    for name in COLUMNS:
-        exit, height, track = column_slope(bench, name)
-        for row in sorted(set(SHOWN) & set(places)):
-            one = brute[row]
-            pull = np.diag(one.own) @ one.slope.T @ np.linalg.inv(one.total)
-            expected = height[row, 0] - one.height_by @ (pull @ flat(bench, row, exit, track))
-            scale = 1e-4 + 1e-3 * abs(height[row, 0])
-            assert plane.by_column[places[row], bench.scores.index(name)] == pytest.approx(expected, abs=scale)
-
-
 def test_scores_of_the_scatters_are_slopes_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
     for number, (column, deviate) in enumerate(zip(bench.layout.scatters[:-1], (0, 1, 2, 4, 6, 7), strict=True)):
         for row, one in brute.items():
@@ -255,101 +225,3 @@ def test_scores_of_the_scatters_are_slopes_of_the_big_matrix(bench: Bench, brute
             assert bench.scores.linear[row, column] == pytest.approx((sides[0] - sides[1]) / 2e-4, abs=2e-3)
             half = own * one.slope[:, deviate] @ np.linalg.solve(one.total, one.slope[:, deviate])
             assert bench.scores.bend[row, column, column] == pytest.approx(2.0 * half**2, rel=1e-3, abs=1e-6)
-
-
-def test_the_score_of_the_tracks_noise_is_the_slope_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
-    column, here = bench.layout.scatters[-1], float(bench.point.log_scatter[-1])
-    for row, one in brute.items():
-        if row not in bench.intake.tracked:
-            assert len(one.r) == 0 or bench.scores.linear[row, column] == pytest.approx(0.0, abs=1e-9)
-            continue
-        sides = [replace(one, noise=noise_of(bench, row, here + step)).log_density() for step in (1e-4, -1e-4)]
-        assert bench.scores.linear[row, column] == pytest.approx((sides[0] - sides[1]) / 2e-4, rel=1e-4, abs=1e-2)
-        share = np.linalg.solve(one.total, noise_of(bench, row))            # expected: the trace of its square, twice
-        known = int(np.isfinite(bench.intake.exits[row]).sum())
-        assert bench.scores.bend[row, column, column] == pytest.approx(
-            2.0 * np.trace(share @ share) - 2.0 * known, rel=0.1)
-
-
-def test_an_effect_of_a_ball_is_the_same_slope_in_that_balls_shots_alone(bench: Bench) -> None:
-    """Against indicator columns: launch speed and drag, times one standard deviation of balls, times (ball = b)."""
-    evidence, cd = bench.scores, find_parameter("drag.cd").prior
-    assert cd is not None
-    assert find_parameter("drag.cd").fit_each_ball
-    base = [evidence.index("launch speed")] * 5 + [evidence.index("drag.cd")] * 5
-    scale = np.repeat([BALL_SPEED, find_parameter("drag.cd").by_ball * cd.centre], 5)
-    groups = [number for number, column in enumerate(evidence.columns) if column.kind == "group"]
-    assert len(groups) == 10 and groups[-1] == len(evidence.columns) - 1
-    member = np.tile(BALLS[:, None] == np.arange(5), 2) * scale
-    assert evidence.score[:, groups] == pytest.approx(member * evidence.score[:, base], rel=1e-9, abs=1e-9)
-    other, told = evidence.index("magnus.cl"), np.stack([evidence.told_by([row]) for row in range(SHOTS)])
-    assert told[:, groups, other] == pytest.approx(member * evidence.info[:, base, other], rel=1e-9, abs=1e-9)
-    inner = told[:, groups][:, :, groups]
-    dealt = member[:, :, None] * member[:, None, :] * evidence.info[:, base][:, :, base]
-    assert inner == pytest.approx(dealt, rel=1e-9, abs=1e-9)
-
-
-def test_effects_of_balls_already_found_move_the_evidence_along(bench: Bench) -> None:
-    """A spot with effects is the plain spot's evidence moved by them, drawn back by the balls' own prior."""
-    effects = np.random.default_rng(1).normal(0.0, 0.5, bench.layout.grouped)
-    there, _ = linearise(bench.intake, bench.layout, replace(bench.point, effects=effects))
-    change = np.zeros(len(bench.scores.columns))
-    change[-len(effects):] = effects
-    tiled = np.tile(change, (SHOTS, 1))
-    assert there.log_score == pytest.approx(bench.scores.log_score + bench.scores.gain(tiled), abs=1e-9)
-    others = np.setdiff1d(np.arange(there.own_score.shape[1]), bench.layout.scatters)    # theirs hang on what is left
-    assert there.own_score[:, others] == pytest.approx(bench.scores.slopes_at(tiled)[0][:, others], abs=1e-9)
-    assert there.pull[-len(effects):] == pytest.approx(-effects)
-
-
-def test_what_a_balls_luck_does_is_no_scatter(bench: Bench) -> None:
-    """With five balls that are faster and slower by as much as 15 %, the slope of each scatter is that of what tracks
-    say by differences: their deviations without their balls' effects, or scatter would grow with how balls differ."""
-    effects = np.zeros(bench.layout.grouped)
-    effects[:5] = [-5.0, 3.0, 4.0, -4.0, 2.0]
-    spot = replace(bench.point, effects=effects)
-    flown = fly(bench.intake, bench.layout, spot)
-    tracked = ~np.isin(np.arange(len(bench.intake.rows)), bench.intake.marked)
-    for number, column in enumerate(bench.layout.scatters):
-        if column < 0:
-            continue
-        sides = []
-        for step in (1e-3, -1e-3):
-            log_scatter = spot.log_scatter.copy()
-            log_scatter[number] += step
-            there = replace(spot, log_scatter=log_scatter)
-            sides.append(linearise(bench.intake, bench.layout, there, flown)[0].log_score[tracked])
-        by_hand = (sides[0] - sides[1]) / 2e-3
-        here = linearise(bench.intake, bench.layout, spot, flown)[0]
-        assert here.score[tracked, column] == pytest.approx(by_hand, rel=0.02, abs=0.02)
-
-
-def test_at_the_most_likely_deviates_a_second_look_changes_them_little(bench: Bench) -> None:
-    """Gauss-Newton: about the posterior mean the linear model's mean is the same point again."""
-    sd = np.sqrt(variance_of(bench.intake, bench.point.log_scatter))[:, :bench.mean.shape[1]]
-    launched = np.setdiff1d(bench.intake.tracked, [*THROWN, *MEASURED])      # MEASURED's exits are drawn at random
-    again = np.abs(bench.mean - bench.point.deviates) / np.maximum(sd, 1e-12)
-    assert again[launched].max() < 0.2
-
-
-def test_a_spot_near_by_is_foretold_without_flying_anew(bench: Bench) -> None:
-    """The flights about one spot, as linear functions with the slopes of shots without deviation: nearly right."""
-    flown, slot = fly(bench.intake, bench.layout, bench.point), bench.layout.chain.slots.index(("drag", "cd"))
-    ordinary = np.setdiff1d(np.arange(SHOTS), [*THROWN, *MEASURED])
-    values = bench.point.values.copy()
-    values[slot] += 0.002
-    near = replace(bench.point, values=values)
-    told = linearise(bench.intake, bench.layout, near, flown)[0].log_score[ordinary]
-    true = linearise(bench.intake, bench.layout, near)[0].log_score[ordinary]
-    change = true - bench.scores.log_score[ordinary]
-    assert np.abs(change).max() > 0.1
-    assert np.abs(told - true).max() < 0.2 * np.abs(change).max()
-
-
-def test_the_centre_of_the_prior_pulls(bench: Bench) -> None:
-    evidence, layout = bench.scores, bench.layout
-    place = evidence.index("drag.cd") - evidence.first_shared
-    centre, sd = 0.5, 1.5 * 0.5 * 0.35        # the catalogue's log prior as a plain one, half as wide again
-    assert layout.centre[place] == pytest.approx(centre)
-    assert evidence.precision[place, place] == pytest.approx(sd**-2.0)
-    assert evidence.pull[place] == pytest.approx((centre - 0.45) / sd**2)

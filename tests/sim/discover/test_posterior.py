@@ -1,4 +1,4 @@
-"""The posterior over what is missing, where everything is linear and has a closed form."""
+"""The posterior over what is missing: closed forms where everything is linear, and changes that are truly flown."""
 
 import itertools
 from collections.abc import Callable
@@ -6,30 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.straight import ASKED, fit_straight
+from tests.sim.discover.worlds import FACTS, World, make_outcomes
+from truearc.robot.config.rig_spec import Site
 from truearc.sim.discover.detect.battery import ReferenceSession
 from truearc.sim.discover.detect.covariates import Covariate, Factor
-from truearc.sim.discover.select.posterior import (
-    Hypotheses,
-    Hypothesis,
-    Part,
-    Projected,
-    Projector,
-    families_of,
-    log_evidence,
-    process_shapes,
-    weigh,
-    with_parts,
-)
+from truearc.sim.discover.select import posterior as post
 from truearc.sim.discover.select.terms import name_terms, nats_in_range
-from truearc.sim.infer.launcher import LauncherFit
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.launcher import Launcher, LauncherFit
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import lay_out
 
 PLANTED = {"wind_z.speed_m_s": 1.2, "added_mass.share": 0.8}
 BETWEEN = {"drag_wear.share": tuple(PLANTED)}
-
 Prior = Callable[[np.ndarray], np.ndarray]
 
 
@@ -59,13 +53,13 @@ def exact_nats(fitted: LauncherFit, names: tuple[str, ...]) -> float:
 
 def test_evidence_of_parts_is_that_of_linear_regression(fitted: LauncherFit) -> None:
     evidence = fitted.scores
-    ones, null = np.ones((len(evidence.rows), 1)), log_evidence(evidence.shared_only())[0]
+    ones, null = np.ones((len(evidence.rows), 1)), post.log_evidence(evidence.shared_only())[0]
     for names in [(ASKED[0],), (ASKED[2], ASKED[9]), (ASKED[7], ASKED[2], ASKED[5])]:
-        parts = [Part(evidence.index(name), ones, np.ones(1)) for name in names]
-        nats, change, _ = log_evidence(with_parts(evidence, parts))
+        parts = [post.Part(evidence.index(name), ones, np.ones(1)) for name in names]
+        nats, change, _ = post.log_evidence(post.with_parts(evidence, parts))
         assert nats - null == pytest.approx(exact_nats(fitted, names), abs=1e-3)
         assert len(change) == len(names) + len(evidence.columns) - evidence.first_shared
-    projector = Projector(evidence)
+    projector = post.Projector(evidence)
     for name in ASKED[:4]:
         closed = projector.of(evidence.index(name), ones).nats(1.0)
         assert closed == pytest.approx(exact_nats(fitted, (name,)), abs=1e-2)
@@ -74,7 +68,7 @@ def test_evidence_of_parts_is_that_of_linear_regression(fitted: LauncherFit) -> 
 def test_the_best_pair_is_found_though_neither_leads(fitted: LauncherFit) -> None:
     naming = name_terms(fitted, lambda done, note: None)
     assert naming.leader == "drag_wear.share"
-    posterior = weigh(fitted, naming, (), ())
+    posterior = post.weigh(fitted, naming, (), ())
     pair = posterior.likeliest_pair()
     assert pair is not None
     exact = {names: exact_nats(fitted, names) for names in itertools.combinations(ASKED, 2)}
@@ -93,7 +87,7 @@ def test_shapes_of_a_process_have_its_covariance() -> None:
     known = np.isfinite(x)
     place = np.clip((x[known] - np.percentile(x[known], 2)) / np.ptp(np.percentile(x[known], (2, 98))), 0.0, 1.0)
     for length in (0.4, 1.0):
-        shapes = process_shapes(x, length)
+        shapes = post.process_shapes(x, length)
         exact = np.exp(-0.5 * ((place[:, None] - place[None, :]) / length)**2)
         exact = exact - exact.mean(0) - exact.mean(1)[:, None] + exact.mean()
         np.testing.assert_allclose((shapes @ shapes.T)[np.ix_(known, known)], exact, atol=0.02)
@@ -113,7 +107,7 @@ def test_a_change_since_home_is_weighed_as_a_joint_normal_model_says() -> None:
         covariance = np.block([[own, cross], [cross.T, there + sd**2 * there @ there]])
         return float(multivariate_normal.logpdf(scores, np.zeros(6), covariance))
 
-    nats = Projected(scores[:3], here).nats_since(Projected(scores[3:], there), sd)
+    nats = post.Projected(scores[:3], here).nats_since(post.Projected(scores[3:], there), sd)
     assert nats == pytest.approx(joint(True) - joint(False), abs=1e-9)
 
 
@@ -132,9 +126,9 @@ def test_a_change_that_goes_with_a_covariate_is_unexplained(wave: float, unexpla
                           varying={name: wave * np.sin(2.0 * np.pi * place)})
     fitted = with_free(fitted, name)
     covariate = Covariate((("humidity", place),))
-    posterior = weigh(fitted, name_terms(fitted, lambda done, note: None), (covariate,), ())
+    posterior = post.weigh(fitted, name_terms(fitted, lambda done, note: None), (covariate,), ())
     assert (posterior.unexplained() > 0.9) == unexplained
-    first = families_of(fitted.scores, (covariate,), ())[0]
+    first = post.families_of(fitted.scores, (covariate,), ())[0]
     assert first.column == name and first.what is covariate
     assert (first.nats > 5.0) == unexplained
     if not unexplained:
@@ -152,11 +146,11 @@ def test_an_unexplained_change_counts_by_what_home_did_not_show() -> None:
 
     here = session(1.0, 2)
     alike, without_it = (ReferenceSession(session(wave, 7), {"humidity": place}) for wave in (1.0, 0.0))
-    alone, same, new = (families_of(here.scores, (covariate,), (), home)[0].nats
+    alone, same, new = (post.families_of(here.scores, (covariate,), (), home)[0].nats
                         for home in (None, alike, without_it))
     # the difference of two equal samples has twice the variance of one: half the nats
     assert alone > 20.0 and same < 3.0 and new == pytest.approx(0.5 * alone, rel=0.2)
-    assert weigh(here, name_terms(here, lambda done, note: None), (covariate,), (), alike).unexplained() < 0.9
+    assert post.weigh(here, name_terms(here, lambda done, note: None), (covariate,), (), alike).unexplained() < 0.9
 
 
 def test_a_term_whose_size_differs_from_group_to_group_is_named() -> None:
@@ -165,15 +159,16 @@ def test_a_term_whose_size_differs_from_group_to_group_is_named() -> None:
     size = np.array([0.4, 1.6, 0.9, 2.2])[ball]
     fitted = with_free(fit_straight({}, 2, 300, varying={"wind_z.speed_m_s": size}), "release_height.above_m")
     factor = Factor("ball_id", ("a", "b", "c", "d"), ball)
-    posterior = weigh(fitted, name_terms(fitted, lambda done, note: None), (), (factor,))
+    posterior = post.weigh(fitted, name_terms(fitted, lambda done, note: None), (), (factor,))
     assert posterior.share("varies") > 0.9 and posterior.unexplained() < 0.1
     assert posterior.inclusion()["wind_z.speed_m_s"] > 0.9
 
 
 def test_probabilities_are_counted_by_what_hypotheses_hold() -> None:
-    free = families_of(with_free(fit_straight({}, 1), ASKED[0]).scores, (Covariate((("x", np.arange(200.0)),)),), ())
-    found = Hypotheses((Hypothesis(("a.x",), None, 0.0, 0.0), Hypothesis(("a.x", "b.x"), None, 0.0, 0.0),
-                       Hypothesis(("b.x",), free[0], 0.0, 0.0), Hypothesis((), free[0], 0.0, 0.0)),
+    x = Covariate((("x", np.arange(200.0)),))
+    free = post.families_of(with_free(fit_straight({}, 1), ASKED[0]).scores, (x,), ())
+    found = post.Hypotheses((post.Hypothesis(("a.x",), None, 0.0, 0.0), post.Hypothesis(("a.x", "b.x"), None, 0.0, 0.0),
+                       post.Hypothesis(("b.x",), free[0], 0.0, 0.0), post.Hypothesis((), free[0], 0.0, 0.0)),
                       np.array([0.4, 0.3, 0.2, 0.1]), {})
     assert found.inclusion() == pytest.approx({"a.x": 0.7, "b.x": 0.3})
     assert found.held_by(["b.x"]) == pytest.approx(0.3) and found.held_by(["a.x", "b.x"]) == pytest.approx(0.7)
@@ -205,3 +200,35 @@ def test_what_a_law_gives_is_believed_near_one() -> None:
     fitted = fit_straight({}, 1)
     at_law, far = (nats_in_range(fitted, "added_mass.share", amplitude, 0.1, 1.0) for amplitude in (1.0, -0.6))
     assert at_law > 1.0 and far < -10.0
+
+
+BELIEVED = ("gravity", "drag", "magnus")
+
+
+def fit_drifting(drift: float) -> tuple[LauncherFit, post.Part]:
+    """Launches grow faster by this share from first to last shot; the part is a curve of the speed over time."""
+    dataset = make_outcomes(World(measured=True, speed_drift=drift), 80, 4)
+    intake = take_in(dataset)
+    fitted = fit_believed(Launcher(intake, lay_out(intake, BELIEVED)))
+    shapes = post.process_shapes(dataset.shots.number("t_s")[intake.rows], 1.0)
+    return fitted, post.Part(fitted.scores.index("launch speed"), shapes, np.full(shapes.shape[1], 0.03))
+
+
+@pytest.mark.slow
+def test_a_small_change_is_worth_flown_what_the_table_says_and_no_change_costs() -> None:
+    for drift in (0.0, 0.03):
+        fitted, part = fit_drifting(drift)
+        evidence = fitted.scores
+        table = post.log_evidence(post.with_parts(evidence, [part]))[0] - post.log_evidence(evidence.shared_only())[0]
+        flown = post.nats_flown(fitted, part)
+        assert flown is not None and flown == pytest.approx(table, abs=0.6)
+        assert flown < 0.0 if drift == 0.0 else flown > 5.0
+
+
+def test_in_a_closed_hall_wind_is_a_draught() -> None:
+    dataset = make_outcomes(World(), 12, 1)
+    hall = replace(dataset, facts=structs.replace(FACTS, site=Site(indoor=True)))
+    usual = [{column.name: column.usual for column in lay_out(take_in(one), BELIEVED).columns}
+             for one in (dataset, hall)]
+    assert [each["wind_x.speed_m_s"] for each in usual] == [0.8, 0.2]
+    assert usual[0]["hood_offset.angle_deg"] == usual[1]["hood_offset.angle_deg"]

@@ -1,16 +1,21 @@
-"""The figures of docs/tutorials/tracks.md: flights that examples/tracks/make.py computes without truearc."""
+"""Figures of pages: tutorials/tracks.md, of flights that no truearc computed, and how-discovery-reasons.md."""
 
 import re
 import runpy
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
 import truearc as ta
+from tests.sim.few_terms import few_terms
 from truearc.cli.main import main
 from truearc.robot.config.rig_spec import Tracker
+from truearc.sim.discover.investigate import discover
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "examples" / "tracks"
@@ -62,3 +67,41 @@ def test_a_measurement_that_the_flights_contradict_is_a_warning(capsys: pytest.C
     assert main(words) == 0
     said = capsys.readouterr().out
     assert re.search(r"warning: --measured magnus: 0 was measured, and these shots say 0\.0\d+", said)
+
+
+@pytest.mark.slow
+def test_a_floor_off_level_is_told_from_a_crosswind_in_one_session() -> None:
+    """The same flights through a camera that sees what lies left too high by 2 degrees."""
+    flights, roll = ta.load_dataset(EXAMPLE), np.radians(2.0)
+    y, z = flights.tracks.y_m, flights.tracks.z_m
+    turned = replace(flights.tracks, y_m=y * np.cos(roll) - z * np.sin(roll), z_m=z * np.cos(roll) + y * np.sin(roll))
+    found = ta.discover(replace(flights, tracks=turned), believe=["gravity", "drag", "magnus"], seed=0,
+                        terms=few_terms("wind_x", "wind_y", "drag_reynolds", "spin_decay"))
+    assert found.verdict == "named" and found.best is not None and found.best.term == "track_roll"
+    low, high = found.best.interval90
+    assert low - 0.05 < 2.0 < high + 0.05
+    assert all(one.probability < 0.05 for one in found.effects if one.term == "wind_y")
+    fit = found.record.fit
+    assert fit.side_rmse_after_m < 0.5 * fit.side_rmse_before_m
+    assert "how far to the side tracks end" in found.sentence and "where tracks end" not in found.sentence
+
+
+TRUTH = 0.012                         # lost per m/s
+
+
+@pytest.mark.slow
+def test_the_worked_example_is_as_the_page_says() -> None:
+    found = discover(shoot(make_world({"wheel_slip": TRUTH}, "L0", 300, 11)), seed=0)
+    finding = found.finding
+    assert finding.mismatch.p_value == pytest.approx(0.0105)
+    assert finding.verdict == "named" and finding.set == ("wheel_slip",)
+    assert [round(one.probability, 2) for one in finding.what[:2]] == [0.90, 0.06]
+    assert finding.unexplained == pytest.approx(0.04, abs=0.005)
+    interval = finding.what[0].parameters["loss_per_m_s"]
+    assert (round(100 * interval.low90, 1), round(100 * interval.high90, 1)) == (0.8, 2.7)
+    assert interval.low90 < TRUTH < interval.high90
+    naming = found.steps[0].naming
+    assert sum(one.visible for one in naming.candidates) == 17
+    assert round(float(np.log(0.55 / 17)), 2) == -3.43
+    leader = naming.refits["wheel_slip.loss_per_m_s"]
+    assert round(100 * float(leader.amplitude[0]), 1) == 1.7 and round(100 * float(leader.sd[0]), 1) == 0.5

@@ -6,12 +6,11 @@ All numbers SI; frame x toward the target, y left, z up.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
+from tests.sim.infer import independent
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.data.dataset import Dataset, Shots
 
-GRAVITY = 9.81
 FACTS = Rig(
     ball=Ball(0.14, 0.0889),
     launcher=LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0), Wheel("upper", 0.0349, 0.5625, 0.0))),
@@ -66,16 +65,9 @@ def plane_heights(world: World, ratio: np.ndarray, hood_deg: np.ndarray, distanc
 
 def heights_at(distance_m: np.ndarray, speed: np.ndarray, angle: np.ndarray, cd: float, cl: float,
                spin: np.ndarray) -> np.ndarray:
-    """Heights at the planes, through the floor if need be: one integration, over the share of the distance covered."""
-    none = np.zeros(len(speed))
-
-    def per_share(share: float, flat: np.ndarray) -> np.ndarray:
-        state = flat.reshape(6, -1).copy()
-        state[3] = np.maximum(state[3], 0.2)              # nearly turned back: it ends far below
-        return (_rate(share, state, cd, cl, spin, 0.0, 0.0) * distance_m / state[3]).ravel()
-
-    start = np.stack([none, none, none + 0.75, speed * np.cos(angle), none, speed * np.sin(angle)])
-    return solve_ivp(per_share, (0.0, 1.0), start.ravel(), "DOP853", rtol=1e-8, atol=1e-8).y[:, -1].reshape(6, -1)[2]
+    """Heights at the planes, through the floor if need be."""
+    truth = independent.Truth(cd=cd, cl=cl)
+    return independent.heights(distance_m, speed, angle, spin, truth)
 
 
 def _aim(world: World, distance_m: np.ndarray, hood_deg: np.ndarray) -> np.ndarray:
@@ -85,23 +77,3 @@ def _aim(world: World, distance_m: np.ndarray, hood_deg: np.ndarray) -> np.ndarr
         under = plane_heights(world, middle, hood_deg, distance_m, np.ones(len(hood_deg))) < 2.44
         low, high = np.where(under, middle, low), np.where(under, high, middle)
     return 0.5 * (low + high)
-
-
-def fly(start: np.ndarray, time_s: np.ndarray, forces: tuple[float, ...]) -> np.ndarray:
-    flown = solve_ivp(_rate, (0.0, time_s[-1]), start, "DOP853", t_eval=time_s, rtol=1e-9, atol=1e-10,
-                      args=forces)
-    return flown.y[:3].T
-
-
-def _rate(t: float, state: np.ndarray, cd: float, cl: float, spin: np.ndarray | float, wind: float,
-          lift: float) -> np.ndarray:
-    """Gravity, quadratic drag on the velocity through the air, the paper's lift for backspin, and a push upward."""
-    vx, vy, vz = state[3:]
-    air_y = vy - wind
-    speed = np.sqrt(vx * vx + air_y * air_y + vz * vz)
-    radius, mass, density = 0.0889, 0.14, 1.2
-    drag = cd * 0.5 * density * np.pi * radius**2 / mass * speed
-    turn = cl * 4.0 / 3.0 * 4.0 * np.pi**2 * radius**3 * density / mass * spin
-    flat = np.hypot(vx, vz)
-    return np.array([vx, vy, vz, -drag * vx - turn * vz - lift * vz / flat, -drag * air_y,
-                     -drag * vz + turn * vx + lift * vx / flat - GRAVITY])

@@ -1,4 +1,4 @@
-"""`truearc predict` and `truearc paper fit` as a user meets them."""
+"""truearc fit, predict and paper fit as a user with a spreadsheet meets them."""
 
 import csv
 import io
@@ -6,12 +6,71 @@ import io
 import numpy as np
 import pytest
 
+import truearc.sim.infer.fit
+from tests.sim.infer.independent import make_dataset
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.cli.main import main
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset, load_dataset, save_dataset
 from truearc.sim.infer.belief import load_belief
+from truearc.sim.infer.fit_report import CrossValidation, say_estimates, say_prediction
+from truearc.sim.infer.intervals import ProfileInterval
+from truearc.sim.infer.launcher import Sought
+
+TERMS = "drag,magnus,exit_efficiency"
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory):
+    path = tmp_path_factory.mktemp("shots") / "d"
+    save_dataset(path, make_dataset(11, 100, side=True))
+    return path
+
+
+def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, capsys):
+    out = tmp_path / "coefficients.toml"
+    arguments = ["fit", str(directory), "--terms", TERMS, "-o", str(out), "--quiet"]
+    assert main(arguments) == 0
+    said, errors = capsys.readouterr()
+    assert errors == ""
+    for words in ("fitted to 100 of 100 shots", "100 outcomes", "drag coefficient", "90 % interval",
+                  "from shot to shot the height at", "held out (100 in", "hard to tell apart"):
+        assert words in said, words
+    belief = load_belief(out)
+    assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency"}
+    assert set(belief.scatter) == {"speed", "elevation_deg"}
+    assert np.linalg.eigvalsh(belief.covariance).min() > 0.0
+    provenance = load_belief(out).provenance
+    assert (provenance["method"], provenance["dataset_sha256"]) == ("ml", hash_dataset(load_dataset(directory)))
+    low, high = provenance["interval90"]["drag.cd"]
+    assert low < belief.coefficients["drag"]["cd"] < high
+    assert main(["predict", str(directory), "--coefficients", str(out), "-o", str(tmp_path / "p.csv")]) == 0
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["--terms", "drag,magnetism"], "--terms: there is no term 'magnetism'"),
+    (["--terms", "wind"], "there is no term 'wind' (did you mean 'wind_x' or 'wind_y' or 'wind_z'?)"),
+    (["--terms", "drga"], "--terms: there is no term 'drga' (did you mean 'drag'?)"),
+    (["--terms", ""], "--terms: got ''; expected at least one entry"),
+    (["--terms", "drag,drag"], "--terms: got drag more than once; keep one"),
+    (["--terms", " , "], "--terms: got ' , '; expected at least one entry"),
+    (["--seed", "1"], "--seed: applies with several datasets only"),
+    (["--seed", "-1"], "--seed: got -1"),
+    (["-o", "nowhere/at/all.toml"], "nowhere/at/all.toml"),
+])
+def test_a_users_mistake_is_named(directory, capsys, arguments, message):
+    assert main(["fit", str(directory), "--quiet", *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_fit_that_does_not_settle_writes_nothing(directory, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(truearc.sim.infer.fit, "ROUNDS", 1)
+    out = tmp_path / "coefficients.toml"
+    assert main(["fit", str(directory), "--terms", TERMS, "-o", str(out), "--quiet"]) == 1
+    assert "did not settle" in capsys.readouterr().err
+    assert not out.exists()
+
 
 ROWS = [(3.0, 0.5, 50.0), (15.0, 0.3, 40.0), (4.0, 0.6, 60.0), (2.0, 0.45, 60.0)]
 OUTCOMES = ("three", "miss", "two", "three")
@@ -83,14 +142,6 @@ def test_a_column_that_is_not_there_is_named_with_its_file(home, capsys, column,
     assert f"truearc paper fit: {path}: {message}" in capsys.readouterr().err
 
 
-def test_a_cell_that_is_empty_is_named_with_file_shot_and_column(home, capsys):
-    path = home / "shots.csv"
-    path.write_text(path.read_text() + "late,,50.0,0.5,two\n")
-    assert path.read_text().startswith("shot_id,distance_m,hood_deg,motor_ratio,outcome\n")
-    assert main(["paper", "fit", str(home), "--quiet"]) == 2
-    assert f"{path}: shots late: distance_m is needed and missing" in capsys.readouterr().err
-
-
 def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):
     """Four shots: the tied pairs are listed, and one or two three-pointers are called few."""
     tied, picture = tmp_path / "tied.csv", tmp_path / "map.png"
@@ -122,3 +173,27 @@ def test_fit_in_words_when_no_pair_reaches_all(tmp_path, capsys):
     assert "warning: no drag and lift explain these shots well" in said
     assert "mean_deviation_m" not in load_belief(out).provenance
     assert main(["paper", "fit", str(tmp_path / "odd"), "--step", "-1"]) == 2
+
+
+DRAG = Sought("drag.cd", "1", "drag coefficient", False, 0, 0.5, 0.5)
+
+
+def test_an_estimate_that_was_all_but_impossible_is_warned_of() -> None:
+    for value, warned in ((0.2, False), (1.5, False), (8.3, True), (-0.9, True)):
+        one = ProfileInterval("drag.cd", value, 0.9 * value, 1.1 * value, True, True, True)
+        said = list(say_estimates((one,), (DRAG,)))
+        assert ("warning: drag.cd" in said[-1] and "truearc discover" in said[-1]) == warned
+
+
+def test_lift_against_the_spin_is_warned_of() -> None:
+    lift = Sought("magnus.cl", "1", "lift coefficient", False, 0, 0.1, 0.15)
+    for value, warned in ((0.05, False), (-0.05, True)):
+        one = ProfileInterval("magnus.cl", value, value - 0.01, value + 0.01, True, True, True)
+        said = list(say_estimates((one,), (lift,)))
+        assert any("warning: magnus.cl is below 0" in line and "clock_deg" in line for line in said) == warned
+
+
+def test_a_fit_that_predicts_no_better_than_plain_shares_is_warned_of() -> None:
+    for log_score, warned in ((-0.7, False), (-1.5, True)):
+        said = list(say_prediction(CrossValidation(48, 48, log_score, -1.0, 0.1, 0.4, 0.4)))
+        assert any("warning: on shots held out" in line and "rig.toml" in line for line in said) == warned

@@ -1,22 +1,24 @@
-"""The fit on shots of other code: what it recovers, what it says of what it cannot, and what it leaves out."""
+"""The fit on shots of other code, and fits pooled: against quadrature, what it recovers and what it leaves out."""
 
 import dataclasses
 
 import msgspec
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.stats import halfnorm, norm
 
-import truearc.sim.infer.fit
-from tests.sim.infer.independent import CENTRE_M, Truth, heights, make_dataset, make_tracks
-from tests.sim.physics import reference
+import truearc as ta
+from tests.sim.infer.independent import Truth, make_dataset, make_tracks
 from tests.sim.physics.rigs import GUPPY
+from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Tracker
-from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.infer.fit_report import cross_validate, identify
-from truearc.sim.infer.intervals import deviance_at, profile_interval
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.infer.belief import load_belief
+from truearc.sim.infer.fit_report import cross_validate
+from truearc.sim.infer.intervals import Profile, Said, pool_normal, profile_interval
 from truearc.sim.infer.launcher import MapFit, fit_map
-from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.statistics import Z90
 
 TERMS = ("drag", "magnus", "exit_efficiency")
@@ -46,6 +48,14 @@ def test_the_optimum_is_one_whatever_the_order_of_shots(outcomes):
     assert fit_map(dataset, TERMS).values == outcomes.values
 
 
+def deviance_at(fit: MapFit, name: str, value: float) -> float:
+    """Twice the adjusted log posterior lost with one parameter held at `value`; at most 2.706 inside its interval."""
+    one = fit.sought[fit.names.index(name)]
+    walk = Profile(fit, one)
+    there = walk.flown(walk.at(one.at(value) - float(fit.scores.point[one.column])).change)
+    return 2.0 * (there.cost - walk.ground.cost)
+
+
 @pytest.mark.slow
 def test_sides_and_heights_know_more(outcomes):
     def doubt(fit: MapFit) -> float:
@@ -72,7 +82,8 @@ def test_a_prior_that_closes_an_interval_is_told(outcomes):
     """The angle's scatter moves heights less than the speed's: outcomes do not bound it on both sides."""
     found = profile_interval(outcomes, "scatter.elevation_deg")
     assert not (found.low_by_data and found.high_by_data)
-    assert identify(outcomes).share["scatter.elevation_deg"] > 0.5
+    place = outcomes.names.index("scatter.elevation_deg")
+    assert np.sqrt(outcomes.covariance[place, place]) > 0.5
 
 
 def test_held_out_outcomes_are_predicted_better_than_by_their_shares(outcomes):
@@ -81,26 +92,6 @@ def test_held_out_outcomes_are_predicted_better_than_by_their_shares(outcomes):
     assert score.groups > 95         # random configurations
     assert score.log_score > score.share_log_score + 2 * score.gain_se
     assert score.accuracy > score.share_accuracy
-
-
-@pytest.mark.slow
-def test_slip_and_loss_at_one_speed_are_one_number():
-    """u (1 - loss) / (1 + k u) at a single u: only d k + (1 + k u) / (u (1 - loss)) d loss moves the ball."""
-    ratio = 0.6
-    dataset = make_dataset(12, 100, height=True)
-    same = dataset.shots.numbers | {"motor_ratio": np.full(100, ratio)}
-    rng = np.random.default_rng(12)
-    speed, spin = reference.exit_of(ratio)
-    flown = heights(same["distance_m"], speed * 0.75 * np.exp(rng.normal(0, 0.015, 100)), np.radians(same["hood_deg"]),
-                    spin, TRUTH) - CENTRE_M
-    shots = Shots(dataset.shots.shot_id, same | {"miss_height_m": flown}, {})
-    fit = fit_map(Dataset("d", GUPPY, shots), (*TERMS, "wheel_slip"))
-    pair = next(one for one in identify(fit).pairs if {one.a, one.b} == {"wheel_slip.loss_per_m_s",
-                                                                         "exit_efficiency.loss"})
-    loss, k = fit.values["exit_efficiency.loss"], fit.values["wheel_slip.loss_per_m_s"]
-    per_loss = (1 + k * speed) / (speed * (1 - loss))
-    assert pair.correlation < -0.9
-    assert pair.factor == pytest.approx(per_loss if pair.a.startswith("wheel") else 1 / per_loss, rel=0.25)
 
 
 @pytest.mark.slow
@@ -130,37 +121,12 @@ def test_thrown_balls_need_no_launcher():
     assert fit.belief.scatter == {}
 
 
-def test_a_mixed_dataset_uses_each_shot_for_what_it_has():
-    n, nan = 8, np.nan
-    numbers = {"distance_m": np.full(n, 4.0), "hood_deg": np.full(n, 45.0), "motor_ratio": np.full(n, 0.6),
-               "miss_height_m": np.array([0.1] + [nan] * (n - 1)),
-               "exit_speed_m_s": np.array([nan, 9.5] + [nan] * (n - 2))}
-    numbers["motor_ratio"][2] = nan
-    numbers["distance_m"][3] = nan
-    texts = {"outcome": ("two", "two", "two", "two", "miss", "", "three", "miss"),
-             "side": ("high", "low", "", "", "left", "", "", "low")}
-    tracks = Tracks(np.zeros(3, np.int64), np.arange(3) * 0.02, *np.ones((3, 3)))
-    shots = Shots(tuple("abcdefgh"), numbers, texts)
-    intake = take_in(Dataset("d", GUPPY, shots, tracks), fewest=1)
-    assert intake.used == {"outcome": 3, "miss_height_m": 1}
-    assert [shots.shot_id[row] for row in intake.rows] == ["a", "b", "g", "h"]
-    told = "\n".join(intake.left_out)
-    for name, reason in (("c", "no launch speed"), ("d", "no distance_m"), ("e", "left or right"),
-                         ("f", "nothing was seen")):
-        assert any(reason in line and f"({name})" in line for line in intake.left_out), told
-
-
 def test_nothing_to_fit_to_is_bad_input():
     shots = Shots(("a",), {"distance_m": np.array([4.0]), "hood_deg": np.array([45.0])}, {"outcome": ("two",)})
     with pytest.raises(InputError, match=r"^shots: there is nothing to fit to.*: no launch speed: motor_ratio"):
         fit_map(Dataset("d", GUPPY, shots), TERMS)
     with pytest.raises(InputError, match="no term 'dragg'"):
         fit_map(make_dataset(1, 20), ("dragg",))
-
-
-def test_a_search_cut_short_does_not_claim_to_have_settled(monkeypatch):
-    monkeypatch.setattr(truearc.sim.infer.fit, "ROUNDS", 1)
-    assert not fit_map(make_dataset(11, 100), TERMS).converged
 
 
 def test_one_height_that_is_a_slip_moves_nothing():
@@ -179,3 +145,87 @@ def test_a_fit_starts_far_from_its_heights_and_still_fits_them_all():
     dataset = make_dataset(12, 60, dataclasses.replace(TRUTH, loss=0.5), height=True)
     fit = fit_map(dataset, TERMS)
     assert deviance_at(fit, "exit_efficiency.loss", 0.5) < 9.0
+
+
+# Effects of coaching in eight schools and their standard errors (Rubin 1981)
+EFFECT = np.array([28.0, 8.0, -3.0, 7.0, -1.0, 1.0, 18.0, 12.0])
+ERROR = np.array([15.0, 10.0, 16.0, 11.0, 9.0, 11.0, 10.0, 18.0])
+
+
+def said_of(value, error, centre, sd, spread):
+    """[m, k] values with independent errors."""
+    information = np.einsum("mk,kl->mkl", error**-2.0, np.eye(error.shape[1]))
+    return Said(information, value / error**2, *(np.full(error.shape[1], one) for one in (centre, sd, spread)))
+
+
+def by_quadrature(value, error, centre, sd, spread, of):
+    """E[of(mean, variance of mu | tau, tau)] over the posterior of tau."""
+    def given(tau):
+        weight = 1.0 / (error**2 + tau**2)
+        variance = 1.0 / (weight.sum() + sd**-2.0)
+        mean = variance * ((weight * value).sum() + centre / sd**2)
+        # the marginal of the values, mu integrated out: a normal with a shared part
+        likelihood = (np.prod(norm.pdf(value, mean, np.sqrt(1.0 / weight))) * norm.pdf(mean, centre, sd)
+                      * np.sqrt(2.0 * np.pi * variance))
+        return likelihood * halfnorm.pdf(tau, scale=spread), mean, variance
+    whole = quad(lambda tau: given(tau)[0], 0.0, 8.0 * spread, limit=200)[0]
+    return quad(lambda tau: given(tau)[0] * of(*given(tau)[1:], tau), 0.0, 8.0 * spread, limit=200)[0] / whole
+
+
+def test_eight_schools_are_as_by_quadrature():
+    settings = (0.0, 50.0, 10.0)
+    found = pool_normal(said_of(EFFECT[:, None], ERROR[:, None], *settings))
+    mean, covariance = found.common
+    expected = by_quadrature(EFFECT, ERROR, *settings, lambda mean, variance, tau: mean)
+    second = by_quadrature(EFFECT, ERROR, *settings, lambda mean, variance, tau: mean**2 + variance)
+    assert mean[0] == pytest.approx(expected, abs=0.15)
+    assert covariance[0, 0] == pytest.approx(second - expected**2, rel=0.08)
+    assert found.tau.mean() == pytest.approx(by_quadrature(EFFECT, ERROR, *settings, lambda mean, variance, tau: tau),
+                                             rel=0.08)
+    shrunk = by_quadrature(EFFECT, ERROR, *settings, lambda mean, variance, tau:
+                           (EFFECT[0] * tau**2 + mean * ERROR[0]**2) / (tau**2 + ERROR[0]**2))
+    assert found.own[0, 0] == pytest.approx(shrunk, abs=0.4)
+
+
+@pytest.fixture(scope="module")
+def weeks(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pool")
+    for seed in (21, 22):
+        ta.save_dataset(folder / f"d{seed}", make_dataset(seed, 32, side=True))
+    return [str(folder / f"d{seed}") for seed in (21, 22)]
+
+
+@pytest.fixture(scope="module")
+def fits(weeks):
+    return [ta.fit(ta.load_dataset(path), ["drag", "exit_efficiency"]) for path in weeks]
+
+
+@pytest.mark.slow
+def test_two_sessions_are_known_better_than_either(weeks, fits, tmp_path, capsys):
+    out = tmp_path / "pooled.toml"
+    assert main(["fit", *weeks, "--terms", "drag,exit_efficiency", "-o", str(out), "--quiet"]) == 0
+    said = capsys.readouterr().out
+    pooled = ta.pool(fits)
+    assert said == f"{pooled}\n" and said.startswith("2 fits pooled as sessions of one rig: ")
+    belief = load_belief(out)
+    assert belief.names == pooled.names and {"drag.cd", "scatter.speed"} <= set(belief.names)
+    rows = {row[:2]: row[2:] for row in pooled.members().rows}
+    for fit in fits:
+        own = next(one for one in fit.intervals if one.name == "exit_efficiency.loss")
+        low, high = rows[fit.dataset.name, "exit_efficiency.loss"][4:]
+        assert high - low < own.high90 - own.low90
+    assert (np.diag(belief.covariance) > 0.0).all()
+    assert ta.predict(fits[0].dataset, belief).rows[0][0] == fits[0].dataset.shots.shot_id[0]
+
+
+@pytest.mark.slow
+def test_the_same_data_do_not_count_twice(fits):
+    with pytest.raises(ta.InputError, match="d21: the same data twice"):
+        ta.pool([*fits, fits[0]])
+
+
+@pytest.mark.slow
+def test_fits_of_other_terms_are_refused(fits):
+    other = ta.fit(make_dataset(23, 20), ["magnus"])
+    with pytest.raises(ta.InputError, match="is fitted with gravity, magnus, d21 with gravity, drag, exit_efficiency"):
+        ta.pool([fits[0], other])

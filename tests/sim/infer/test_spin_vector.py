@@ -1,4 +1,4 @@
-"""Spin about any axis, measured: tracks flown by SciPy's DOP853 with drag and the lift of the whole spin."""
+"""Tracks and times of other code's flights: spin about any axis, falls with drag, flights that differ."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +11,7 @@ import truearc as ta
 from tests.sim.few_terms import few_terms
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Tracker
 from truearc.sim.check.check import check_plausible
-from truearc.sim.data.dataset import Dataset, Shots, Tracks
+from truearc.sim.data.dataset import Dataset, Shots, Times, Tracks
 from truearc.sim.discover.report.build_finding import untested
 from truearc.sim.infer.likelihood.data import take_in
 
@@ -97,3 +97,69 @@ def test_lift_without_a_spin_is_said_to_be_untested() -> None:
     spun = tracked(np.random.default_rng(7).normal(0.0, 6.0, (12, 3)), launched=False)
     bare = replace(spun, shots=Shots(spun.shots.shot_id, {}, {}))
     assert any("lift" in line for line in untested(bare)) and not any("lift" in line for line in untested(spun))
+
+
+G, FALL_CD, SIGMA_S, TOP_M = 9.81, 0.6, 0.02, 24.0
+BALLS = ((0.05, 0.05), (0.14, 0.0889), (0.5, 0.12))        # mass_kg, radius_m
+
+
+def fall_s(height_m: np.ndarray, mass_kg: np.ndarray, radius_m: np.ndarray, cd: float) -> np.ndarray:
+    """Of a fall from rest: v' = g - k v^2 has h = ln cosh(sqrt(g k) t) / k."""
+    k = 0.5 * cd * AIR * np.pi * radius_m**2 / mass_kg
+    return np.asarray(np.arccosh(np.exp(k * height_m)) / np.sqrt(G * k))
+
+
+def drops(cd: float, seed: int, each: int = 2) -> Dataset:
+    """`each` drops of three balls from four heights, every one with its own time."""
+    height_m, ball = (one.ravel() for one in np.meshgrid([5.0, 10.0, 15.0, 20.0], np.repeat(np.arange(3), each)))
+    mass_kg, radius_m = np.array(BALLS)[ball.astype(int)].T
+    t_s = fall_s(height_m, mass_kg, radius_m, cd) + SIGMA_S * np.random.default_rng(seed).normal(size=len(ball))
+    rig = Rig(Ball(*BALLS[1]), LauncherFacts(release_height_m=TOP_M), air=Air(AIR), believe=Believe(()))
+    return Dataset("drops", rig, Shots(tuple(f"d{k}" for k in range(len(ball))), {
+        "mass_kg": mass_kg, "radius_m": radius_m}, {}), times=Times(
+            np.arange(len(ball)), t_s, TOP_M - height_m, np.full(len(ball), SIGMA_S)))
+
+
+@pytest.mark.slow
+def test_drag_is_fitted_from_falls_within_its_interval() -> None:
+    off = []
+    for seed in range(6):
+        fit = ta.fit(drops(FALL_CD, seed), ["gravity", "drag"])
+        assert "fitted to 24 of 24 shots: 24 times at heights" in str(fit)
+        cd, = (one for one in fit.intervals if one.name == "drag.cd")
+        off.append((cd.value - FALL_CD) / ((cd.high90 - cd.low90) / 3.29))
+    assert np.abs(off).max() < 3.5 and 0.3 < np.std(off) < 2.0
+
+
+@pytest.mark.slow
+def test_drag_is_named_from_falls_with_its_size() -> None:
+    finding = ta.discover(drops(FALL_CD, 1), believe=["gravity"])
+    assert finding.verdict == "named" and finding.record.set == ("drag",)
+    interval = finding.record.what[0].parameters["cd"]
+    assert interval.low90 < FALL_CD < interval.high90 and interval.high90 - interval.low90 < 0.2
+
+
+@pytest.mark.slow
+def test_nothing_is_found_where_nothing_is_missing_and_no_tracker_is_blamed() -> None:
+    finding = ta.discover(drops(FALL_CD, 2), believe=["gravity", "drag"])
+    assert finding.verdict == "none"
+    assert not any(name.startswith("track_") for name in finding.record.mismatch.tests)
+
+
+@pytest.mark.slow
+def test_times_that_scatter_by_more_than_they_say_are_told() -> None:
+    dataset = drops(FALL_CD, 3)
+    assert dataset.times is not None
+    times = Times(**(vars(dataset.times) | {"sigma_s": dataset.times.sigma_s / 5.0}))
+    said = ta.discover(Dataset("d", dataset.rig, dataset.shots, times=times), believe=["gravity", "drag"])
+    assert "of their standard deviations (sigma_s)" in said.sentence
+
+
+@pytest.mark.slow
+def test_a_shot_without_any_time_is_left_out_and_said() -> None:
+    dataset = drops(FALL_CD, 5)
+    assert dataset.times is not None
+    kept = dataset.times.shot > 0
+    fewer = Times(*(column[kept] for column in vars(dataset.times).values()))
+    left = ta.fit(Dataset("d", dataset.rig, dataset.shots, times=fewer), ["gravity", "drag"])
+    assert any("(d0)" in line for line in left.solution.fitted.model.data.left_out)

@@ -1,18 +1,22 @@
-"""Networks: rows, splits, loss, accuracy, domain; weights on disk come back exactly, damaged ones are refused."""
+"""Networks: rows, splits, loss, weights on disk; many trained at once against plain NumPy and JAX."""
 
 import json
 import math
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.sim.training_rows import REAL, sigmoid
+from tests.sim.training_rows import REAL, SIMULATED, sigmoid, some_rows
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
+from truearc.sim.paper import Recipe
 from truearc.sim.paper import network as net
+from truearc.sim.paper import train_many as many
+from truearc.sim.paper.network import Layers, Rows, cross_entropy, initial_layers, logits, mean_loss
 
 
 def test_cross_entropy_is_minus_log_likelihood_of_both_outputs() -> None:
@@ -53,11 +57,6 @@ def test_holdout_must_be_a_share() -> None:
             net.split_heldout(REAL, share, 0)
         with pytest.raises(InputError, match="--validation"):
             net.split_heldout(REAL, share, 0, "--validation")
-
-
-def test_validation_is_drawn_apart_from_the_holdout() -> None:
-    one, other = (net.split_heldout(REAL, 0.4, 0, option)[1] for option in ("--holdout", "--validation"))
-    assert not np.array_equal(one.features, other.features)
 
 
 def test_accuracy_counts_outcome_two_and_three() -> None:
@@ -116,45 +115,11 @@ def test_round_trip_is_exact_and_the_bytes_repeat(tmp_path: Path) -> None:
     assert net.weights_hash(tmp_path / "a") != net.weights_hash(tmp_path / "b")
 
 
-@given(st.integers(0, 100))
-def test_standardised_features_have_mean_zero_and_deviation_one(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    features = rng.normal([5.0, 0.5, 45.0], [2.0, 0.1, 10.0], (40, 3))
-    mean, scale = net.standardisation(features)
-    z = (features - mean) * scale
-    assert np.abs(z.mean(axis=0)).max() < 1e-5
-    assert np.abs(z.std(axis=0) - 1.0).max() < 1e-6
-    assert np.array_equal(mean, mean.astype(np.float32)) and np.array_equal(scale, scale.astype(np.float32))
-
-
-def test_a_feature_that_never_varies_is_left_alone() -> None:
-    mean, scale = net.standardisation(np.array([[3.0, 0.5, 45.0], [4.0, 0.5, 50.0]]))
-    assert mean[1] == 0.5 and scale[1] == 1.0
-
-
-def test_initial_weights_have_glorot_spread() -> None:
-    layers = [net.initial_layers(np.random.default_rng(seed)) for seed in range(400)]
-    hidden, out = (np.array([getattr(one, name) for one in layers]) for name in ("hidden_w", "out_w"))
-    assert hidden.std() == pytest.approx(np.sqrt(2.0 / (3 + 8)), rel=0.03)
-    assert out.std() == pytest.approx(np.sqrt(2.0 / (8 + 2)), rel=0.03)
-    assert not layers[0].hidden_b.any() and not layers[0].out_b.any()
-
-
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("weights")
     net.save_weights(path, make_network(), RECORD)
     return path
-
-
-@given(st.data())
-def test_a_cut_archive_is_refused(archive: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
-    whole = (archive / "weights.npz").read_bytes()
-    other = tmp_path_factory.getbasetemp() / "cut"
-    other.mkdir(exist_ok=True)
-    (other / "weights.npz").write_bytes(whole[:data.draw(st.integers(0, len(whole) - 1))])
-    with pytest.raises(InputError, match=r"weights\.npz"):
-        net.load_weights(other)
 
 
 @pytest.mark.parametrize(("change", "words"), [
@@ -194,7 +159,136 @@ def test_a_wrong_record_is_named(tmp_path: Path, text: str | None, words: str) -
     assert words in str(caught.value) and "training.json" in str(caught.value)
 
 
-def test_weights_cannot_be_written_into_a_file(tmp_path: Path) -> None:
-    (tmp_path / "taken").write_text("")
-    with pytest.raises(InputError, match="taken"):
-        net.save_weights(tmp_path / "taken", make_network(), RECORD)
+BRISK = 0.01                          # a learning rate that gets somewhere within a test
+
+
+class Order:
+    """The minibatches of one network, taken any number at a time."""
+
+    def __init__(self, rng: np.random.Generator, real: int, simulated: int) -> None:
+        self.deck = many.make_deck(rng, real, simulated)
+
+    def take(self, steps: int) -> np.ndarray:
+        batches = np.full((steps, 20), -1, np.int32)
+        for picked in batches:
+            many.deal(self.deck, picked)
+        return batches
+
+
+def gradient(layers: Layers, z: np.ndarray, labels: np.ndarray, weights: np.ndarray) -> Layers:
+    """Back-propagation written out: sum over rows of weight x summed binary cross-entropy."""
+    hidden = sigmoid(z @ layers.hidden_w + layers.hidden_b)
+    out = (sigmoid(hidden @ layers.out_w + layers.out_b) - labels) * weights[:, None]
+    back = out @ layers.out_w.T * hidden * (1.0 - hidden)
+    return Layers(z.T @ back, back.sum(axis=0), hidden.T @ out, out.sum(axis=0))
+
+
+def train_plainly(job: many.Job, learning_rate: float, steps: int) -> Layers:
+    """The same updates in a plain loop in float64, Adam as Kingma and Ba's algorithm 1 has it."""
+    mean = job.real.features.mean(axis=0).astype(np.float32).astype(float)
+    scale = (1.0 / job.real.features.std(axis=0)).astype(np.float32).astype(float)
+    parts = [job.real, *([job.simulated] if job.simulated else [])]
+    z = (np.vstack([rows.features for rows in parts]) - mean) * scale
+    labels = np.vstack([rows.labels for rows in parts])
+    weights = np.repeat([0.1, 0.1 * job.simulated_weight if job.simulated else 0.0], 10)
+    rng = np.random.default_rng(job.seed)
+    layers = initial_layers(rng)
+    first = second = Layers(*(np.zeros_like(part) for part in layers))
+    orders = Order(rng, len(job.real.features), len(job.simulated.features) if job.simulated else 0)
+    for time, batch in enumerate(orders.take(steps), 1):
+        slopes = gradient(layers, z[batch], labels[batch], weights)
+        first = Layers(*(0.9 * m + 0.1 * g for m, g in zip(first, slopes, strict=True)))
+        second = Layers(*(0.999 * v + 0.001 * g * g for v, g in zip(second, slopes, strict=True)))
+        layers = Layers(*(part - learning_rate * (m / (1 - 0.9**time)) / (np.sqrt(v / (1 - 0.999**time)) + 1e-8)
+                          for part, m, v in zip(layers, first, second, strict=True)))
+    return layers
+
+
+def same(one: many.Trained, other: many.Trained) -> bool:
+    return one.step == other.step and all(
+        np.array_equal(a, b) for a, b in zip(one.network.layers, other.network.layers, strict=True))
+
+
+def test_the_gradient_of_the_reference_is_that_of_jax() -> None:
+    layers = initial_layers(np.random.default_rng(0))
+    z, weights = REAL.features / 10.0, np.linspace(0.1, 1.0, 23)
+    wanted = jax.grad(lambda of: weights @ cross_entropy(logits(of, z), REAL.labels))(Layers(*map(np.asarray, layers)))
+    for found, slope in zip(gradient(layers, z, REAL.labels, weights), wanted, strict=True):
+        np.testing.assert_allclose(found, slope, rtol=1e-10, atol=1e-13)
+
+
+@pytest.mark.parametrize("job", [many.Job(REAL, SIMULATED, None, 0.3, 4), many.Job(REAL, None, None, 0.3, 5)])
+def test_the_kernel_makes_the_updates_of_a_plain_loop(job: many.Job) -> None:
+    found = many.train_many([job], Recipe(learning_rate=0.02, steps=60))[0]
+    for name, layer, wanted in zip(Layers._fields, found.network.layers, train_plainly(job, 0.02, 60), strict=True):
+        np.testing.assert_allclose(layer, wanted, rtol=1e-4, atol=2e-5, err_msg=name)
+    # the comparison would see one step more or less
+    assert np.abs(many.pack(train_plainly(job, 0.02, 61)) - many.pack(found.network.layers)).max() > 1e-3
+
+
+def test_networks_beside_it_change_no_bit() -> None:
+    jobs = [many.Job(some_rows(20 + seed % 7, seed), some_rows(11 * (seed % 5), 50 + seed) if seed % 5 else None,
+                some_rows(9, 90 + seed), 0.1 * (seed % 3), seed) for seed in range(12)]
+    recipe = Recipe(BRISK, steps=900, patience=200, check=50)
+    together = many.train_many(jobs, recipe)
+    for number in (0, 3, 10):
+        assert same(many.train_many([jobs[number]], recipe)[0], together[number])
+    backwards = many.train_many(jobs[::-1], recipe, threads=1)[::-1]
+    assert all(map(same, backwards, together))
+    assert len({one.curve[-1].step for one in together}) > 3        # they did not all stop together
+    assert not same(together[1], together[2])
+
+
+def test_the_losses_are_those_of_the_network() -> None:
+    fresh = some_rows(40, 3)
+    one = many.train_many([many.Job(REAL, SIMULATED, fresh)], Recipe(BRISK, steps=300, patience=300, check=100))[0]
+    kept = next(point for point in one.curve if point.step == one.step)
+    for found, rows in zip(kept[1:], (REAL, SIMULATED, fresh), strict=True):
+        assert found == pytest.approx(mean_loss(one.network, rows), rel=1e-5)
+
+
+def test_the_weights_kept_are_the_best_on_the_validation_rows_and_patience_ends_it() -> None:
+    noise = Rows(some_rows(30, 5).features, np.random.default_rng(0).choice([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], 30))
+    fresh = Rows(some_rows(200, 6).features, np.random.default_rng(1).choice([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], 200))
+    one = many.train_many([many.Job(noise, None, fresh)], Recipe(BRISK, steps=20000, patience=1500, check=100))[0]
+    watched = {point.step: point.validation for point in one.curve}
+    assert one.step == min(watched, key=watched.get)
+    assert one.curve[-1].step == one.step + 1500 < 20000
+    assert one.curve[-1].validation > watched[one.step]              # chance labels: learning them by heart does harm
+    assert one.curve[-1].real < one.curve[0].real
+    assert one.epoch == round(one.step / 3)
+
+
+def test_without_validation_it_goes_to_the_end_and_the_last_weights_are_kept() -> None:
+    one = many.train_many([many.Job(REAL, SIMULATED)], Recipe(BRISK, steps=730, patience=1, check=100))[0]
+    assert one.step == one.curve[-1].step == 730 and math.isnan(one.curve[-1].validation)
+    assert [point.step for point in one.curve] == [100, 200, 300, 400, 500, 600, 700, 730]
+    long = many.train_many([many.Job(REAL, SIMULATED)], Recipe(BRISK, steps=730))[0]
+    assert same(one, long)                                           # looking changes nothing
+
+
+def test_refuses_to_train_on_nothing_for_no_time_or_into_nonsense() -> None:
+    with pytest.raises(InputError, match="no recorded shots"):
+        many.train_many([many.Job(some_rows(0, 0), SIMULATED)])
+    for job, option in ((many.Job(REAL, seed=-1), "--seed is -1"),
+                        (many.Job(REAL, simulated_weight=-0.1), "--lambda is -0.1"),
+                        (many.Job(REAL, simulated_weight=math.nan), "--lambda is nan")):
+        with pytest.raises(InputError, match=option):
+            many.train_many([job])
+    for settings, option in (({"steps": 0}, "--steps is 0"), ({"patience": 0}, "--patience is 0"),
+                             ({"learning_rate": 0.0}, "--learning-rate is 0.0")):
+        with pytest.raises(InputError, match=option):
+            Recipe(**settings)
+    with pytest.raises(InputError, match=r"diverged within .* \(seed 3\)"):
+        many.train_many([many.Job(REAL, SIMULATED, seed=3)], Recipe(learning_rate=1e38, steps=50))
+
+
+@given(st.integers(1, 60), st.integers(1, 200), st.integers(0, 2**32))
+def test_an_epoch_uses_every_simulated_row_and_recorded_rows_evenly(real: int, simulated: int, seed: int) -> None:
+    batches = Order(np.random.default_rng(seed), real, simulated).take(many.batches_per_epoch(real, simulated))
+    assert batches.shape == (math.ceil(simulated / 10), 20)
+    recorded = np.bincount(batches[:, :10].ravel(), minlength=real)
+    imagined = np.bincount(batches[:, 10:].ravel() - real, minlength=simulated)
+    assert len(recorded) == real and len(imagined) == simulated
+    assert recorded.max() - recorded.min() <= 1
+    assert imagined.min() >= 1 and imagined.sum() - simulated < 10

@@ -11,8 +11,7 @@ from tests.sim.physics.rigs import GUPPY
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.physics import term as kinds
 from truearc.sim.physics.catalogue import find_terms
-from truearc.sim.physics.term import BallState, Exit, Opening
-from truearc.sim.physics.vector import Vec
+from truearc.sim.physics.term import BallState, Exit, Opening, Vec
 
 EXITS = Exit(np.array([0.5, 4.0, 9.0, 21.0]), np.array([0.1, 0.5, 0.9, 1.3]), np.array([-3.0, 0.0, 4.0, 11.0]),
              np.array([0.0, 0.1, -0.2, 0.3]))
@@ -38,18 +37,14 @@ def ball_of(numbers, time_s: float = FLOWN_S) -> BallState:
     return BallState(*(Vec(*numbers[first:first + 3]) for first in (0, 3, 6)), time_s)
 
 
-def forces_on(rig: Rig, ball: BallState, names: tuple[str, ...]) -> dict[str, Vec]:
-    """What terms that are a share of others may find before them."""
-    return {term.name: term.acceleration(rig, kinds.complete(term, {"cd": 0.6, "cl": 0.2}), ball, {})
-            for term in find_terms(names)}
-
-
-def call(term: kinds.Term, values, numbers=None, rig: Rig = GUPPY, others=("gravity", "drag", "magnus"),
-         exit: Exit = EXITS, distance_m=DISTANCES_M, hole: Opening = HOLE, time_s: float = FLOWN_S) -> np.ndarray:
+def call(term: kinds.Term, values, numbers=None, rig: Rig = GUPPY, exit: Exit = EXITS, distance_m=DISTANCES_M,
+         hole: Opening = HOLE, time_s: float = FLOWN_S) -> np.ndarray:
     """All that a term's hook answers, as one array, whatever its stage; flight in the state `numbers`."""
     ball = ball_of(state(1) if numbers is None else numbers, time_s)
     if isinstance(term, kinds.FlightTerm):
-        answer = [tuple(term.acceleration(rig, values, ball, forces_on(rig, ball, others)))]
+        others = {other.name: other.acceleration(rig, kinds.complete(other, {"cd": 0.6, "cl": 0.2}), ball, {})
+                  for other in find_terms(("gravity", "drag", "magnus"))}
+        answer = [tuple(term.acceleration(rig, values, ball, others))]
     elif isinstance(term, kinds.AirTerm):
         met = term.meet(rig, values, ball)
         answer = [tuple(met.velocity_m_s), tuple(met.spin_rev_s)]

@@ -1,22 +1,20 @@
-"""Flights over time and over x, against closed forms and DOP853 of other code."""
+"""Flights over time and over x, with every term of the air, against closed forms and DOP853 of other code."""
 
 import jax
 import jax.numpy as jnp
 import msgspec
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from tests.sim.infer import independent
 from tests.sim.infer.independent import Truth
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, weightless
 from truearc.robot.config.rig_spec import WorldFacts
-from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.flight import fly, make_law, path, reach_plane, rk4
-from truearc.sim.physics.simulate import predict
-from truearc.sim.physics.term import BallState, Exit
-from truearc.sim.physics.vector import Vec
+from truearc.sim.physics.term import BallState, Exit, Vec
 
 SEED = flight_terms(("gravity", "drag", "magnus"))
 LIFT = flight_terms(("magnus",))
@@ -26,25 +24,6 @@ LIFT_RAD_S = 16 / 3 * np.pi**2 * reference.RADIUS_M**3 * reference.DENSITY_KG_M3
 DRAG_PER_M = 0.5 * np.pi * reference.RADIUS_M**2 * reference.DENSITY_KG_M3 / reference.MASS_KG
 TRUTH = Truth(cd=0.6, cl=0.05, loss=0.0)
 PARAMS = {"drag": {"cd": TRUTH.cd}, "magnus": {"cl": TRUTH.cl}}
-
-
-def _vacuum(speed, elevation, distance):
-    return H + distance * np.tan(elevation) - G * distance**2 / (2 * (speed * np.cos(elevation))**2)
-
-
-def test_vacuum_is_a_parabola():
-    rng = np.random.default_rng(1)
-    speed, elevation = rng.uniform(1, 20, 500), np.radians(rng.uniform(-40, 80, 500))
-    distance = rng.uniform(0, 16, 500)
-    crossing = fly(GUPPY, SEED, {}, Exit(speed, elevation, np.full(500, 9.0)), distance)
-    height = _vacuum(speed, elevation, distance)
-    reached = np.asarray(crossing.reached)
-    assert 100 < reached.sum() < 450
-    np.testing.assert_array_equal(reached, height >= 0.0)
-    np.testing.assert_allclose(np.asarray(crossing.height_m)[reached], height[reached], atol=1e-10)
-    np.testing.assert_allclose(np.asarray(crossing.time_s)[reached], (distance / (speed * np.cos(elevation)))[reached],
-                               atol=1e-11)
-    assert np.isnan(np.asarray(crossing.height_m)[~reached]).all()
 
 
 def _circle(radius, elevation, distance, release):
@@ -77,22 +56,6 @@ def test_a_plane_touched_at_the_turn(beyond, reached):
         assert float(crossing.height_m) == pytest.approx(1.5 - np.sqrt(2e-7), abs=1e-6)
 
 
-@pytest.mark.parametrize(("release", "reached"), [(0.2929, True), (0.2928, False)])
-def test_a_ball_that_skims_the_floor(release, reached):
-    """A circle of 1 m launched 45 degrees down has its lowest point 1 - cos 45 = 0.292893 m below."""
-    spin = 10.0 / LIFT_RAD_S
-    crossing = fly(weightless(release), LIFT, {"magnus": {"cl": 1.0}}, Exit(10.0, -np.pi / 4, spin), 1.6)
-    assert bool(crossing.reached) is reached
-
-
-def test_drag_alone_takes_exponential_time():
-    speed, distance = np.array([1.0, 5.0, 20.0]), np.array([0.5, 3.0, 15.0])
-    k = 0.7 * DRAG_PER_M
-    crossing = fly(weightless(1.0), flight_terms(("drag",)), {"drag": {"cd": 0.7}}, Exit(speed, 0.0, 0.0), distance)
-    np.testing.assert_allclose(crossing.time_s, np.expm1(k * distance) / (k * speed), rtol=1e-10)
-    np.testing.assert_allclose(crossing.height_m, 1.0, rtol=1e-14)
-
-
 def test_a_falling_ball_approaches_its_terminal_speed():
     cd = 2.0
     terminal = np.sqrt(G / (cd * DRAG_PER_M))
@@ -114,25 +77,6 @@ def test_a_flight_without_end_is_given_up():
                    step_s=0.02, turn_rad=0.4, limit_s=5.0)
     assert not bool(crossing.reached)
     assert float(crossing.time_s) == pytest.approx(5.0, abs=0.05)
-
-
-def test_scalars_batches_and_vmap_agree():
-    speed, distance = np.array([9.0, 10.0, 11.0]), np.array([3.0, 4.0, 20.0])
-    params = {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}
-    batch = fly(GUPPY, SEED, params, Exit(speed, 0.9, 5.0), distance).height_m
-    mapped = jax.vmap(lambda v, d: fly(GUPPY, SEED, params, Exit(v, 0.9, 5.0), d).height_m)(speed, distance)
-    single = [fly(GUPPY, SEED, params, Exit(v, 0.9, 5.0), d).height_m for v, d in zip(speed, distance, strict=True)]
-    np.testing.assert_allclose(mapped, batch, rtol=1e-13)
-    np.testing.assert_allclose(single, batch, rtol=1e-13)
-    assert np.isnan(batch[2])
-
-
-def test_derivatives_in_vacuum_are_those_of_the_parabola():
-    height = jax.jacfwd(lambda x: fly(GUPPY, SEED, {}, Exit(x[0], x[1], 0.0), x[2]).height_m)(np.array([9.0, 0.8, 4.0]))
-    v, a, d = 9.0, 0.8, 4.0
-    expected = [G * d**2 / (v**3 * np.cos(a)**2), d / np.cos(a)**2 * (1 - G * d * np.tan(a) / v**2),
-                np.tan(a) - G * d / (v * np.cos(a))**2]
-    np.testing.assert_allclose(height, expected, rtol=1e-9)
 
 
 def test_derivatives_in_the_coefficients_are_those_of_dop853():
@@ -180,45 +124,6 @@ def test_the_flight_over_x_goes_through_the_floor_as_dop853():
     np.testing.assert_allclose(np.asarray(over.height_m)[above], expected[above], atol=5e-5)
 
 
-def test_the_climb_is_the_slope_of_the_height():
-    exit, distance_m = _launches(50, 3)
-    law = make_law(GUPPY, SEED, PARAMS)
-    climb = reach_plane(GUPPY, law, exit, jnp.asarray(distance_m)).climb
-    ends = [independent.heights(distance_m + step, *exit[:3], TRUTH) for step in (1e-3, -1e-3)]
-    np.testing.assert_allclose(climb, (ends[0] - ends[1]) / 2e-3, rtol=1e-3, atol=1e-3)
-
-
-def test_derivatives_to_the_third_are_those_of_the_parabola():
-    """Without air: height = h + d tan a - g d^2 / (2 v^2 cos^2 a), differentiated by v."""
-    speed, angle, distance = 9.0, 0.8, 4.0
-
-    def height(v):
-        law = make_law(GUPPY, SEED, {})
-        return reach_plane(GUPPY, law, Exit(v, angle, 0.0), jnp.array([distance])).height_m[0]
-
-    drop = reference.GRAVITY_M_S2 * distance**2 / (2 * np.cos(angle)**2)
-    def first(v):
-        return (jax.jacfwd(height)(v),)
-
-    def upto(lower):
-        return lambda v: (jax.jacfwd(lambda at: lower(at)[0])(v), *lower(v))
-
-    third, second, slope = jax.jit(upto(upto(first)))(speed)
-    np.testing.assert_allclose(slope, 2 * drop / speed**3, rtol=1e-9)
-    np.testing.assert_allclose(second, -6 * drop / speed**4, rtol=1e-9)
-    np.testing.assert_allclose(third, 24 * drop / speed**5, rtol=1e-8)
-
-
-def test_a_sideways_push_moves_no_height():
-    def law(ball):
-        zero = jnp.zeros_like(ball.position_m.z)
-        return Vec(0.0, zero + 3.0, zero - reference.GRAVITY_M_S2)
-
-    there = reach_plane(GUPPY, law, Exit(jnp.array([9.0]), 0.8, 0.0), jnp.array([4.0]))
-    drop = reference.GRAVITY_M_S2 * 16.0 / (2 * (9.0 * np.cos(0.8))**2)
-    np.testing.assert_allclose(there.height_m, reference.RELEASE_M + 4.0 * np.tan(0.8) - drop, rtol=1e-12)
-
-
 def test_turning_back_is_told():
     rig = weightless(1.0)
     strong = {"magnus": {"cl": 5.0}}
@@ -228,19 +133,68 @@ def test_turning_back_is_told():
     np.testing.assert_allclose(there.height_m[0], 1.0 + 3.0 * np.tan(0.3), rtol=1e-12)
 
 
-def test_launch_terms_slow_what_the_wheels_send_and_nothing_measured():
-    rng = np.random.default_rng(4)
-    n = 40
-    distance_m, hood_deg, ratio = independent.configurations(rng, Truth(), n)
-    measured = np.where(np.arange(n) < 10, 8.0, np.nan)
-    shots = Shots(tuple(map(str, range(n))), {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": ratio,
-                                              "exit_speed_m_s": measured}, {})
-    terms = {**PARAMS, "exit_efficiency": {"loss": 0.25}, "wheel_slip": {"loss_per_m_s": 0.004}}
-    got = predict(GUPPY, terms, shots).height_m
-    speed, spin = reference.exit_of(ratio)
-    slowed = np.where(np.isnan(measured), speed / (1 + 0.004 * speed) * 0.75, measured)
-    expected = independent.heights(distance_m, slowed, np.radians(hood_deg), spin, TRUTH)
-    reached = np.isfinite(got)
-    assert reached.sum() > 25
-    np.testing.assert_allclose(got[reached], expected[reached], atol=1e-5)
-    assert (expected[~reached] < 0.0).all()
+M, R, RHO, UP = 0.14, 0.0889, 1.2, 0.75
+AREA, VOLUME = np.pi * R**2, 4 / 3 * np.pi * R**3
+TERMS = flight_terms((
+    "gravity", "drag", "magnus", "spin_decay", "wind_x", "wind_y", "wind_z", "spin_drag", "drag_reynolds",
+    "lift_saturation", "drag_wear", "air_density", "buoyancy", "added_mass"))
+# amplitude of each, and of all at once; drag_wear and air_density: age and density already multiplied in
+AMPLITUDES = {"spin_decay": 0.8, "wind_x": 1.5, "wind_y": -2.0, "wind_z": 0.7, "spin_drag": 0.6, "drag_reynolds": -0.4,
+              "lift_saturation": 1.3, "drag_wear": 0.12, "air_density": 0.07, "buoyancy": 1.0, "added_mass": 1.0}
+CASES = {**{name: {name: size} for name, size in AMPLITUDES.items()}, "none": {}, "all": AMPLITUDES,
+         "known": {"buoyancy": 1.0, "added_mass": 1.0}}
+CD, CL, SPEED, ELEVATION, SPIN, STEP_S, STEPS = 0.6, 0.12, 11.0, 0.9, 6.0, 0.002, 450
+
+
+def _rates(t, state, e):
+    """The equations of motion; e: amplitudes."""
+    velocity = state[3:]
+    through = velocity - np.array([e("wind_x"), e("wind_y"), e("wind_z")])
+    spin = np.array([0.0, -SPIN, 0.0]) * np.exp(-e("spin_decay") * t)
+    v = np.linalg.norm(through)
+    s = 2 * np.pi * R * np.linalg.norm(spin) / v
+    cd = CD * (1 + e("drag_reynolds") * (v / 10.0 - 1) + e("drag_wear")) + e("spin_drag") * s**2
+    lift = CL / (1 + e("lift_saturation") * s)
+    rho = RHO * (1 + e("air_density"))
+    force = (-0.5 * rho * AREA * cd * v * through + lift * 16 / 3 * np.pi**2 * R**3 * rho * np.cross(spin, through)
+             + np.array([0, 0, -M * G + e("buoyancy") * RHO * VOLUME * G]))
+    return np.concatenate([velocity, force / (M + e("added_mass") * RHO * VOLUME / 2)])
+
+
+def _params(amplitudes):
+    first = {term.name: term.parameters[0].name for term in TERMS}
+    return {"gravity": {"scale": 1.0}, "drag": {"cd": CD}, "magnus": {"cl": CL},
+            **{name: {first[name]: amplitudes.get(name, 0.0)} for name in AMPLITUDES}}
+
+
+def _dop853(amplitudes, **more):
+    start = [0.0, 0.0, UP, SPEED * np.cos(ELEVATION), 0.0, SPEED * np.sin(ELEVATION)]
+    return solve_ivp(_rates, (0.0, STEP_S * STEPS), start, "DOP853", rtol=1e-11, atol=1e-12,
+                     args=(lambda name: amplitudes.get(name, 0.0),), **more)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_paths_are_those_of_dop853(case):
+    exit = Exit(SPEED, ELEVATION, SPIN)
+    flown = path(GUPPY, TERMS, _params(CASES[case]), exit, points=STEPS + 1, step_s=STEP_S)
+    times = np.arange(STEPS + 1) * STEP_S
+    wanted = _dop853(CASES[case], t_eval=times[::50])
+    ours = np.stack([np.asarray(part)[::50] for part in (*flown.position_m, *flown.velocity_m_s)])
+    np.testing.assert_allclose(ours, wanted.y, atol=2e-8)
+    np.testing.assert_allclose(flown.time_s, times, atol=1e-12)
+    if case != "none":                                # each shows: none of the agreement is by absence
+        assert np.abs(wanted.y - _dop853({}, t_eval=times[::50]).y).max() > 1e-3
+
+
+@pytest.mark.parametrize("case", ["spin_decay", "wind_y", "all"])
+def test_planes_are_met_where_dop853_meets_them(case):
+    def plane(t, state, e):
+        return state[0] - 3.0
+
+    plane.terminal = True
+    wanted = _dop853(CASES[case], events=plane).y_events[0][0]
+    exit, params = Exit(np.array([SPEED]), ELEVATION, SPIN), _params(CASES[case])
+    assert float(fly(GUPPY, TERMS, params, exit, 3.0).height_m[0]) == pytest.approx(wanted[2], abs=2e-8)
+    over = reach_plane(GUPPY, make_law(GUPPY, TERMS, params), exit, np.array([3.0]))
+    assert float(over.height_m[0]) == pytest.approx(wanted[2], abs=2e-6)
+    assert float(over.climb[0]) == pytest.approx(wanted[5] / wanted[3], abs=1e-5)

@@ -8,20 +8,11 @@ from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, with_wheels
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target
-from truearc.sim.data.conditions import Circumstances
-from truearc.sim.data.dataset import Shots
-from truearc.sim.physics.catalogue import flight_terms
+from truearc.sim.data.dataset import Circumstances, Shots
+from truearc.sim.physics import simulate as sim
+from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import fly
-from truearc.sim.physics.simulate import (
-    POINT_S,
-    classify,
-    exit_no_slip,
-    fly_rows,
-    launch_of,
-    opening_of,
-    predict,
-    trajectories,
-)
+from truearc.sim.physics.term import Exit
 from truearc_proof.reproduce.collect import exit_seed
 
 SEED = flight_terms(("gravity", "drag", "magnus"))
@@ -52,57 +43,28 @@ def _random_shots(rng: np.random.Generator, count: int) -> Shots:
                   hood_deg=rng.uniform(15, 75, count))
 
 
-def test_agrees_with_dop853_over_the_whole_square_of_coefficients():
-    rng = np.random.default_rng(11)
-    shots = _random_shots(rng, 400)
-    cd, cl = rng.uniform(0, 5, 400), rng.uniform(0, 5, 400)
-    cl[:200] *= 0.1                                   # half of them in the region where balls arrive
-    params = {"drag": {"cd": cd}, "magnus": {"cl": cl}}
-    height_m = np.asarray(fly(GUPPY, SEED, params, launch_of(GUPPY, shots), shots.number("distance_m")).height_m)
-    ends = _compare(shots, cd, cl, height_m)
-    assert min(ends["plane"], ends["floor"], ends["turn"]) > 30
-
-
 @pytest.mark.parametrize(("cd", "cl"), [(0.0, 0.0), (0.91, 0.06), (0.0, 5.0), (5.0, 0.0), (5.0, 5.0), (0.0, 0.3)])
 def test_predict_agrees_with_dop853(cd, cl):
     shots = _random_shots(np.random.default_rng(12), 60)
-    crossing = predict(GUPPY, {"drag": {"cd": cd}, "magnus": {"cl": cl}}, shots)
+    crossing = sim.predict(GUPPY, {"drag": {"cd": cd}, "magnus": {"cl": cl}}, shots)
     _compare(shots, np.full(60, cd), np.full(60, cl), crossing.height_m)
     np.testing.assert_array_equal(crossing.reached, ~np.isnan(crossing.height_m))
 
 
-def test_release_on_the_floor():
-    shots = _random_shots(np.random.default_rng(13), 60)
-    rig = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, release_height_m=0.0))
-    height_m = predict(rig, {"drag": {"cd": 0.9}, "magnus": {"cl": 0.05}}, shots).height_m
-    expected = [reference.integrate(*row, 0.9, 0.05, release_m=0.0).height_m
-                for row in zip(shots.number("distance_m"), shots.number("motor_ratio"), shots.number("hood_deg"),
-                               strict=True)]
-    np.testing.assert_allclose(height_m, expected, atol=1e-5, rtol=0, equal_nan=True)
-    assert 5 < np.isnan(height_m).sum() < 60
-
-
 def test_rows_keep_their_order_in_blocks():
     shots = _random_shots(np.random.default_rng(14), 5000)
-    whole = predict(GUPPY, {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}, shots)
+    whole = sim.predict(GUPPY, {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}, shots)
     some = np.random.default_rng(15).permutation(5000)[:37]
-    part = predict(GUPPY, {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}, shots.take(some))
+    part = sim.predict(GUPPY, {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}, shots.take(some))
     np.testing.assert_allclose(part.height_m, whole.height_m[some], rtol=0, atol=1e-12, equal_nan=True)
-
-
-def test_progress_reaches_the_end():
-    said = []
-    shots = _random_shots(np.random.default_rng(16), 20)
-    fly_rows(GUPPY, {}, launch_of(GUPPY, shots), shots.number("distance_m"), lambda done, note: said.append(done))
-    assert said[-1] == 1.0
 
 
 def test_classify_is_equations_13_and_14():
     centre = 2.44
     heights = centre + np.array([0.0, 0.0699, -0.0699, 0.0701, -0.3499, 0.3501, -2.0, np.nan])
-    assert list(classify(GUPPY, heights)) == ["three", "three", "three", "two", "two", "miss", "miss", "miss"]
+    assert list(sim.classify(GUPPY, heights)) == ["three", "three", "three", "two", "two", "miss", "miss", "miss"]
     with pytest.raises(InputError, match="target"):
-        classify(msgspec.structs.replace(GUPPY, target=None), heights)
+        sim.classify(msgspec.structs.replace(GUPPY, target=None), heights)
 
 
 def test_measured_columns_take_precedence_row_by_row():
@@ -110,7 +72,7 @@ def test_measured_columns_take_precedence_row_by_row():
     shots = _shots(hood_deg=50.0, motor_ratio=0.5, wheel_lower_rad_s=[nan, 400.0, 400.0, 400.0],
                    wheel_upper_rad_s=[nan, 200.0, 200.0, nan], exit_speed_m_s=[nan, nan, 9.0, nan],
                    exit_deg=[nan, nan, 48.0, nan], exit_spin_rev_s=[nan, nan, 3.0, nan])
-    exit = launch_of(GUPPY, shots)
+    exit = sim.launch_of(GUPPY, shots)
     by_ratio = reference.exit_of(0.5)
     lower, upper = 400.0 * reference.LOWER_RADIUS_M, 200.0 * reference.UPPER_RADIUS_M
     mixed = 594.0 * 0.5 * reference.UPPER_GEAR * reference.UPPER_RADIUS_M
@@ -121,28 +83,13 @@ def test_measured_columns_take_precedence_row_by_row():
     np.testing.assert_allclose(np.degrees(exit.elevation_rad), [50.0, 50.0, 48.0, 50.0])
 
 
-def test_three_wheels_launch_without_slip():
-    rig = with_wheels(0.0, 120.0, 240.0)
-    exit = launch_of(rig, _shots(hood_deg=20.0, wheel_w0_rad_s=200.0, wheel_w1_rad_s=300.0, wheel_w2_rad_s=300.0))
-    # v + R w_left cos(clock) = u with w_left = -backspin
-    backspin = -(200.0 - 300.0) * 0.05 / (1.5 * reference.RADIUS_M) / (2 * np.pi)
-    assert exit.speed_m_s[0] == pytest.approx((200.0 + 300.0 + 300.0) * 0.05 / 3)
-    assert exit.spin_rev_s[0] == pytest.approx(backspin)
-
-
 @pytest.mark.parametrize(("lacking", "named"), [("motor_ratio", "motor_ratio"), ("hood_deg", "hood_deg"),
                                                 ("distance_m", "distance_m")])
 def test_shots_without_a_launch_are_named(lacking, named):
     columns = {"distance_m": [3.0, 3.0], "motor_ratio": [0.5, 0.5], "hood_deg": [50.0, 50.0]}
     columns[lacking] = [columns[lacking][0], np.nan]
     with pytest.raises(InputError, match=f"shots s1: {named}"):
-        predict(GUPPY, {}, _shots(**columns))
-
-
-def test_a_known_speed_without_spin_flies_without_spin():
-    rig = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
-    exit = launch_of(rig, _shots(exit_speed_m_s=9.0, exit_deg=45.0))
-    assert (exit.speed_m_s[0], exit.spin_rev_s[0]) == (9.0, 0.0)
+        sim.predict(GUPPY, {}, _shots(**columns))
 
 
 def test_predictions_take_circumstances_shot_by_shot():
@@ -151,13 +98,13 @@ def test_predictions_take_circumstances_shot_by_shot():
     base = {"drag": {"cd": 0.5}, "magnus": {"cl": 0.05}, "gravity": {"scale": 1.0}}
     more = {"battery_sag": {"sensitivity": 0.5}, "hood_offset": {"angle_deg": 2.0}, "wind_x": {"speed_m_s": 1.0}}
     around = Circumstances(battery=np.array([0.0, -0.2, 0.1]))
-    said = predict(GUPPY, base | more, shots, circumstances=around)
-    speed = launch_of(GUPPY, shots).speed_m_s * (1.0 + 0.5 * around.battery)
-    by_hand = _shots(exit_deg=52.0, exit_speed_m_s=speed, exit_spin_rev_s=launch_of(GUPPY, shots).spin_rev_s,
+    said = sim.predict(GUPPY, base | more, shots, circumstances=around)
+    speed = sim.launch_of(GUPPY, shots).speed_m_s * (1.0 + 0.5 * around.battery)
+    by_hand = _shots(exit_deg=52.0, exit_speed_m_s=speed, exit_spin_rev_s=sim.launch_of(GUPPY, shots).spin_rev_s,
                      distance_m=[1.0, 2.0, 3.0])
-    wanted = predict(GUPPY, base | {"wind_x": {"speed_m_s": 1.0}}, by_hand)
+    wanted = sim.predict(GUPPY, base | {"wind_x": {"speed_m_s": 1.0}}, by_hand)
     np.testing.assert_allclose(said.height_m, wanted.height_m, atol=1e-12)
-    ordinary = predict(GUPPY, base | more, shots)
+    ordinary = sim.predict(GUPPY, base | more, shots)
     assert said.height_m[0] == pytest.approx(ordinary.height_m[0], abs=1e-12)
     assert np.abs(said.height_m - ordinary.height_m)[1:].min() > 0.02
 
@@ -167,19 +114,12 @@ def test_blocks_keep_each_shots_own_air():
     shots = _random_shots(np.random.default_rng(17), 40)
     around = Circumstances(age=np.linspace(0.0, 1.0, 40), density=np.linspace(0.1, -0.1, 40))
     params = {"drag": {"cd": 0.9}, "magnus": {"cl": 0.05}}
-    said = predict(GUPPY, params | {"drag_wear": {"share": 0.3}, "air_density": {"share": 1.0}}, shots,
+    said = sim.predict(GUPPY, params | {"drag_wear": {"share": 0.3}, "air_density": {"share": 1.0}}, shots,
                    circumstances=around)
     factor = 1.0 + around.density
     params = {"drag": {"cd": 0.9 * (1.0 + 0.3 * around.age) * factor}, "magnus": {"cl": 0.05 * factor}}
-    wanted = fly(GUPPY, SEED, params, launch_of(GUPPY, shots), shots.number("distance_m")).height_m
+    wanted = fly(GUPPY, SEED, params, sim.launch_of(GUPPY, shots), shots.number("distance_m")).height_m
     np.testing.assert_allclose(said.height_m, wanted, atol=1e-9, equal_nan=True)
-
-
-def test_the_opening_moves_and_grows():
-    heights = 2.44 + np.array([0.0, 0.09, -0.09, 0.37, -0.37])
-    hole = opening_of(GUPPY, {"target_height": {"rise_m": 0.03}, "rim_catch": {"reach_m": 0.02}})
-    assert list(classify(GUPPY, heights, hole)) == ["three", "three", "two", "two", "miss"]
-    assert list(classify(GUPPY, heights)) == ["three", "two", "two", "miss", "miss"]
 
 
 def launches(n: int, seed: int) -> Shots:
@@ -191,8 +131,8 @@ def launches(n: int, seed: int) -> Shots:
 
 def test_without_air_a_trajectory_is_the_parabola() -> None:
     shots = launches(20, 1)
-    for row, (places, distance_m) in enumerate(trajectories(RIG, {}, shots)):
-        t_s = POINT_S * np.arange(len(places) - 1)        # the last point lies between two
+    for row, (places, distance_m) in enumerate(sim.trajectories(RIG, {}, shots)):
+        t_s = sim.POINT_S * np.arange(len(places) - 1)        # the last point lies between two
         speed, tilt = shots.number("exit_speed_m_s")[row], np.radians(shots.number("exit_deg")[row])
         assert distance_m == shots.number("distance_m")[row]
         np.testing.assert_allclose(places[:-1, 0], speed * np.cos(tilt) * t_s, atol=1e-9)
@@ -202,8 +142,8 @@ def test_without_air_a_trajectory_is_the_parabola() -> None:
 
 def test_a_trajectory_ends_at_the_plane_or_the_floor_as_predicted() -> None:
     shots, belief = launches(300, 2), {"drag": {"cd": 0.5}, "magnus": {"cl": 0.1}}
-    heights = np.asarray(predict(RIG, belief, shots).height_m)
-    ends = np.array([places[-1] for places, _ in trajectories(RIG, belief, shots)])
+    heights = np.asarray(sim.predict(RIG, belief, shots).height_m)
+    ends = np.array([places[-1] for places, _ in sim.trajectories(RIG, belief, shots)])
     reached = np.isfinite(heights)
     assert 50 < reached.sum() < 280
     np.testing.assert_allclose(ends[reached, 0], shots.number("distance_m")[reached], atol=1e-9)
@@ -223,7 +163,7 @@ def test_seed_exit_is_equations_11_and_12():
 
 def test_no_slip_gives_the_seeds_speed_and_half_its_spin():
     upper, lower = 9.0, 15.0
-    speed, spin = exit_no_slip(with_wheels(180.0, 0.0), [[lower, upper]])
+    speed, spin = sim.exit_no_slip(with_wheels(180.0, 0.0), [[lower, upper]])
     assert speed[0] == pytest.approx((upper + lower) / 2)
     seed_rad_s = (lower - upper) / reference.RADIUS_M
     np.testing.assert_allclose(spin[0], [0.0, -seed_rad_s / 2, 0.0], atol=1e-12)
@@ -238,17 +178,28 @@ def test_no_slip_recovers_a_rolling_ball(clocks):
     for wheel, clock in enumerate(np.radians(clocks)):
         contact = reference.RADIUS_M * np.array([0.0, -np.sin(clock), np.cos(clock)])   # clockwise seen from behind
         surface[:, wheel] = speed + np.cross(spin, contact)[:, 0]
-    got_speed, got_spin = exit_no_slip(with_wheels(*clocks), surface)
+    got_speed, got_spin = sim.exit_no_slip(with_wheels(*clocks), surface)
     np.testing.assert_allclose(got_speed, speed, rtol=1e-12)
     np.testing.assert_allclose(got_spin, spin, atol=1e-10)
 
 
 def test_a_lone_wheel_rolls_the_ball_along_a_wall():
-    speed, spin = exit_no_slip(with_wheels(180.0), [[10.0]])
+    speed, spin = sim.exit_no_slip(with_wheels(180.0), [[10.0]])
     assert speed[0] == pytest.approx(5.0)
     np.testing.assert_allclose(spin[0], [0.0, -5.0 / reference.RADIUS_M, 0.0], atol=1e-12)
 
 
-def test_the_seeds_exit_needs_opposed_wheels_and_a_free_speed():
-    with pytest.raises(InputError, match="clock_deg 0 and 180"):
-        exit_seed(with_wheels(0.0, 120.0, 240.0), 0.5, 45.0)
+LEAVING = Exit(np.array([8.0, 9.5, 11.0]), np.array([0.7, 0.9, 1.0]), np.array([-4.0, 3.0, 7.0]))
+
+
+def test_a_sensing_term_leaves_alone_what_was_measured_on_the_ball():
+    where = Exit(np.array([True, False, True]), np.array([False, True, True]), np.array([True, True, False]), True)
+    params = {"hood_offset": {"angle_deg": 1.0}, "encoder_scale": {"share": 0.01}, "exit_efficiency": {"loss": 0.1},
+              "ball_compression": {"share": 0.1}, "release_height": {"above_m": 0.02}}
+    values = effective(params, Circumstances())
+    exit, _ = sim.sense(GUPPY, values, LEAVING, np.array([2.5, 3.5, 4.5]), where)
+    left = sim.leave(GUPPY, values, exit, where)
+    np.testing.assert_allclose(left.speed_m_s, LEAVING.speed_m_s * np.where(where.speed_m_s, 1.01 * 0.9, 1.0))
+    np.testing.assert_allclose(left.elevation_rad, LEAVING.elevation_rad + np.radians(1.0) * where.elevation_rad)
+    np.testing.assert_allclose(left.spin_rev_s, LEAVING.spin_rev_s * np.where(where.spin_rev_s, 1.01 / 0.9, 1.0))
+    np.testing.assert_allclose(left.above_m, 0.02)

@@ -7,17 +7,13 @@ import pytest
 from tests.sim.physics import hooks
 from tests.sim.physics.hooks import call, state, typical, untouched
 from tests.sim.physics.rigs import GUPPY
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Circumstances
 from truearc.sim.physics import catalogue
 from truearc.sim.physics.catalogue import TERMS, find_terms
-from truearc.sim.physics.term import AirTerm, BallState, Exit, FlightTerm, Opening, complete, from_scale, to_scale
-from truearc.sim.physics.vector import Vec
+from truearc.sim.physics.term import BallState, Exit, FlightTerm, Opening, Vec, from_scale, to_scale
 
-NAMES = tuple(term.name for term in TERMS)
-IN_THE_AIR = [term for term in TERMS if isinstance(term, FlightTerm | AirTerm)]
 KNOWN = {"gravity": {"scale"}, "drag_reynolds": {"at_m_s"}}        # parameters that are not fitted
 every_term = pytest.mark.parametrize("term", TERMS, ids=lambda term: term.name)
-every_term_in_the_air = pytest.mark.parametrize("term", IN_THE_AIR, ids=lambda term: term.name)
 
 
 @every_term
@@ -34,15 +30,6 @@ def test_scales_go_there_and_back(term):
             for value in np.linspace(parameter.low, parameter.high, 7)[1:]:
                 number = to_scale(parameter.prior.scale, value)
                 assert float(from_scale(parameter.prior.scale, number)) == pytest.approx(value, rel=1e-12, abs=1e-15)
-
-
-def test_each_term_has_the_hook_of_its_stage_and_is_on_its_page():
-    hooks = {"sensing": (*catalogue.sensing_terms(NAMES), *catalogue.watch_terms(NAMES)),
-             "launch": catalogue.launch_terms(NAMES), "flight": catalogue.flight_terms(NAMES),
-             "arrival": catalogue.arrival_terms(NAMES)}
-    for stage, terms in hooks.items():
-        assert set(terms) == {term for term in TERMS if term.stage == stage}
-        assert all(type(term).__module__ == f"truearc.sim.physics.terms.{stage}" for term in terms)
 
 
 @every_term
@@ -65,40 +52,6 @@ def test_gradients_are_finite_also_at_rest_and_at_zero(term, speed):
         assert hooks.finite(by_values)
         assert hooks.finite(by_state)
     assert np.any(np.asarray(jax.jacfwd(lambda values: call(term, values))(values)[term.parameters[0].name]) != 0.0)
-
-
-@every_term_in_the_air
-def test_turns_with_the_state(term):
-    """Beside gravity, which turns about z only, where it is tested."""
-    if term.name in ("wind_x", "wind_y"):
-        pytest.skip("has a direction of its own")
-    vertical = term.name in ("gravity", "buoyancy", "wind_z")
-    others = ("gravity", "drag", "magnus") if vertical else ("drag", "magnus")
-    for seed in range(5):
-        turn = _rotation(np.random.default_rng(seed), about_z=vertical)
-        turned = np.concatenate([turn @ state(seed)[first:first + 3] for first in (0, 3, 6)])
-        expected = np.asarray(call(term, typical(term), state(seed), others=others)) @ turn.T
-        np.testing.assert_allclose(call(term, typical(term), turned, others=others), expected, rtol=1e-12, atol=1e-12)
-
-
-def _rotation(rng: np.random.Generator, about_z: bool) -> np.ndarray:
-    if about_z:
-        angle = rng.uniform(0, 2 * np.pi)
-        return np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    return turn * np.sign(np.linalg.det(turn))
-
-
-@every_term_in_the_air
-def test_left_and_right_are_alike(term):
-    """Mirrored in the vertical plane of the flight; spins, being turns, mirror the other way."""
-    if term.name == "wind_y":
-        pytest.skip("blows to one side")
-    place, turn = np.array([1.0, -1.0, 1.0]), np.array([-1.0, 1.0, -1.0])
-    mirrored = state(4) * np.concatenate([place, place, turn])
-    ways = np.stack([place] if isinstance(term, FlightTerm) else [place, turn])
-    np.testing.assert_allclose(call(term, typical(term), mirrored), ways * call(term, typical(term), state(4)),
-                               rtol=1e-13, atol=1e-13)
 
 
 @every_term
@@ -148,16 +101,6 @@ def test_an_ordinary_shot_knows_no_departure(term):
     assert (float(values[term.parameters[0].name]) == 0.0) == followed
 
 
-def test_the_seeds_believed_terms_are_there():
-    assert [term.name for term in catalogue.flight_terms(GUPPY.believe.terms)] == ["gravity", "drag", "magnus"]
-
-
-def test_absent_parameters_take_their_defaults():
-    gravity, drag, _ = find_terms(["gravity", "drag", "magnus"])
-    assert complete(gravity, None) == {"scale": 1.0}
-    assert complete(drag, {"cd": 0.5}) == {"cd": 0.5}
-
-
 LEVEL = BallState(Vec(0.0, 0.0, 1.0), Vec(10.0, 0.0, 0.0), Vec(0.0, -5.0, 0.0), 0.5)
 FORCES = {"gravity": Vec(0.0, 0.0, -9.81), "drag": Vec(-5.0, 0.0, 0.0), "magnus": Vec(0.0, 0.0, 2.0)}
 LEAVING = Exit(12.0, 0.7, 3.0, 0.0)
@@ -201,14 +144,6 @@ def _watched(name, values, place=(3.0, 0.2, 2.0), speed=(6.0, 0.1, -1.0), time_s
 def test_forces(name, values, expected):
     """A level ball at 10 m/s with five turns a second of backspin: it is lifted, slowed and carried."""
     np.testing.assert_allclose(_force(name, values), expected, rtol=1e-12, atol=1e-14)
-
-
-@pytest.mark.parametrize("name", ["drag_reynolds", "lift_saturation", "drag_wear", "air_density", "air_change",
-                                  "added_mass"])
-def test_a_share_of_nothing_is_nothing(name):
-    term, = find_terms([name])
-    values = {p.name: 0.5 for p in term.parameters}
-    assert tuple(term.acceleration(GUPPY, values, LEVEL, {})) == (0.0, 0.0, 0.0)
 
 
 def test_the_air_that_the_ball_meets():

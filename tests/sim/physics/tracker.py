@@ -3,8 +3,7 @@
 from typing import Any
 
 from truearc.sim.physics.catalogue import watch_terms
-from truearc.sim.physics.term import Values
-from truearc.sim.physics.vector import Vec
+from truearc.sim.physics.term import Values, Vec
 
 
 def watch(values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:

@@ -3,8 +3,7 @@
 import msgspec
 
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import Bench
-from truearc.sim.world.world import World
+from truearc.sim.world.world import Bench, World
 
 CALM = Options(scatter_scale=0.0, pose_scale=0.0)
 

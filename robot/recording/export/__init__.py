@@ -1,1 +1,0 @@
-"""Recordings as MCAP, CSV and tables, and as plain rows for the formats of other distributions."""

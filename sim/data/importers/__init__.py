@@ -1,1 +1,0 @@
-"""Importers: other people's recordings -> datasets (folders with rig.toml and shots.csv), one per file."""

@@ -1,1 +1,0 @@
-"""Planning: identifiability, expected information and experiment design."""

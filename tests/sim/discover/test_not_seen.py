@@ -1,0 +1,113 @@
+"""What was not measured says nothing; a verdict 'none' says what could not have been seen, and plans it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec import structs
+
+import truearc as ta
+from tests.sim.discover.odd_rigs import make_drops
+
+LATERAL = "wind_y"
+EXAMPLE = Path(__file__).parents[3] / "examples" / "spreadsheet"
+
+
+def seen_at_its_usual_size(dataset: ta.Dataset, term: str, believe: list[str]) -> bool:
+    """Whether `truearc identifiability` says that the shots show this term."""
+    one, = (row for row in ta.identifiability(dataset, believe=believe).sight.terms if row.term == term)
+    return one.smallest is not None and one.smallest < one.usual
+
+
+def test_a_coordinate_that_is_zero_everywhere_shows_no_crosswind() -> None:
+    filmed = make_drops(14, 2, cd=0.0)
+    assert filmed.tracks is not None
+    noise_m = 1e-9 * np.random.default_rng(0).normal(size=len(filmed.tracks.y_m))      # a float's rounding
+    flat = replace(filmed, tracks=replace(filmed.tracks, y_m=noise_m))
+    believe = ["gravity", "drag"]
+    assert not seen_at_its_usual_size(flat, LATERAL, believe)
+    said = str(ta.identifiability(flat, believe=believe))
+    assert f"never seen: {LATERAL}: nothing in these data depends on it" in said
+    assert "crosswind" not in ta.discover(flat, believe=believe).sentence
+
+
+@pytest.mark.parametrize("name", ["exit_speed_m_s", "exit_spin_rev_s"])
+def test_a_measurement_that_never_varies_is_as_if_it_were_not_there(name: str, exits: ta.Dataset) -> None:
+    numbers = dict(exits.shots.numbers)
+    without = replace(exits, shots=replace(exits.shots, numbers={key: column for key, column in numbers.items()
+                                                                 if key != name}))
+    constant = replace(exits, shots=replace(exits.shots, numbers={
+        **numbers, name: np.full(len(exits.shots), float(np.mean(numbers[name])))}))
+    one, other = (ta.discover(dataset, seed=1).record for dataset in (constant, without))
+    assert (one.verdict, one.mismatch.p_value) == (other.verdict, other.mismatch.p_value)
+    assert one.data.fitted == other.data.fitted
+
+
+@pytest.fixture(scope="module")
+def exits() -> ta.Dataset:
+    """Thirty shots of the example's rig with measured speed and spin of the ball."""
+    rng = np.random.default_rng(4)
+    ratio, hood = rng.uniform(0.4, 0.8, 30), rng.uniform(35.0, 55.0, 30)
+    rig = without_target(ta.load_dataset(EXAMPLE).rig)
+    surface = ratio * 594.0 * (0.0508 + 0.5625 * 0.0349) / 2.0
+    shots = {"shot_id": [str(k) for k in range(30)], "distance_m": rng.uniform(2.0, 5.0, 30), "hood_deg": hood,
+             "motor_ratio": ratio, "exit_speed_m_s": surface * 0.9 + rng.normal(0.0, 0.1, 30),
+             "exit_spin_rev_s": ratio * 40.0 + rng.normal(0.0, 0.5, 30)}
+    return ta.dataset(shots, rig=rig)
+
+
+def without_target(rig: ta.Rig) -> ta.Rig:
+    """The rig without a target: exits alone are evidence."""
+    return structs.replace(rig, target=None)
+
+
+TERMS = ["gravity", "drag", "magnus", "exit_efficiency"]
+
+
+@pytest.fixture(scope="module")
+def quiet() -> tuple[ta.Dataset, ta.Finding]:
+    """The example's shots, with heights that the simulation itself forecasts, and scatter."""
+    dataset = imagine(ta.load_dataset(EXAMPLE))
+    return dataset, ta.discover(dataset, believe=TERMS)
+
+
+def imagine(week: ta.Dataset, drag: float | None = None) -> ta.Dataset:
+    """The settings of `week`, with heights that the fitted simulation forecasts (or with this drag), and scatter."""
+    belief = ta.fit(week, TERMS).belief
+    if drag is not None:
+        belief = replace(belief, coefficients={**belief.coefficients, "drag": {"cd": drag}})
+    height = np.array(ta.predict(week, belief).column("deviation_m"), float)
+    shots = {"shot_id": week.shots.shot_id, **week.shots.numbers,
+             "miss_height_m": height + np.random.default_rng(1).normal(0.0, 0.1, len(height))}
+    return ta.dataset(shots, rig=week.rig)
+
+
+def test_none_says_what_could_not_have_been_seen_before_what_could(quiet: tuple[ta.Dataset, ta.Finding]) -> None:
+    found = quiet[1]
+    assert found.verdict == "none"
+    assert 0 < found.sentence.index("could not have shown") < found.sentence.index("Smallest effects")
+    could = {one.term: one for one in ta.identifiability(quiet[0]).sight.terms}
+    assert found.record.next
+    for step in found.record.next:
+        assert step["do"] == "measure" and f"measure {step['what']}" in found.sentence
+        for term in step["shows"]:                        # with one test alone, too, at most a little would be seen
+            assert could[term].smallest is None or could[term].smallest > 0.3 * could[term].usual, term
+
+
+def test_design_after_none_plans_those_measurements(quiet: tuple[ta.Dataset, ta.Finding]) -> None:
+    plan, found = ta.design_shots(*quiet), quiet[1]
+    assert plan.verdict == "none"
+    for step in found.record.next:
+        assert any(f"Measure {step['what']}" in line for line in plan.lines())
+        assert f'"instrument": "{step["instrument"]}"' in plan.to_json()
+
+
+def test_a_fitted_number_that_was_believed_all_but_impossible_is_doubted(quiet: tuple[ta.Dataset, ta.Finding]) -> None:
+    assert not quiet[1].record.data.improbable and "impossible" not in quiet[1].sentence
+    heavy = imagine(ta.load_dataset(EXAMPLE), 1.5)
+    found = ta.discover(heavy, believe=TERMS)
+    assert found.verdict == "none"
+    (name, value), = found.record.data.improbable.items()
+    assert name == "drag.cd" and value > 1.0
+    assert f"drag.cd {value:.3g}, believed all but impossible" in found.sentence
