@@ -224,7 +224,7 @@ def fault_kinds() -> str:
     """Faults by kind: how soon the slowest of each kind is a HOLD."""
     told = fault_matrix.make_table(fault_matrix.load(KEPT / "fault_matrix.jsonl.xz"))
     command = "python -m benchmarks.fault_matrix --bus virtual,slcan --out FILE"
-    return f"`{command}`, commit 2b58f989, 2026-11-28:\n\n{told}"
+    return f"`{command}`, commit 051c5e6f, 2026-11-29:\n\n{told}"
 
 
 MADE: dict[str, Callable[[], str]] = {
