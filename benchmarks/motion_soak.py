@@ -2,9 +2,9 @@
 
     python -m benchmarks.motion_soak [--only PATTERN] [--seconds 800] [--launcher spark] [--out FILE]
 
-Each case takes so many emulated seconds: the nine of them two hours. A line of FILE a case; one that is there already,
-and right, is not run again. Wrong is a motion interlock among a verdict's reasons, and on the plant an axis without
-torque for as long as a release lasts, while it is not where the robot wants it.
+Each case takes so many emulated seconds: the eleven of them more than two hours. A line of FILE a case; one that is
+there already, and right, is not run again. Wrong is a motion interlock among a verdict's reasons, and on the plant an
+axis without torque for as long as a release lasts, while it is not where the robot wants it.
 """
 
 import argparse
@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from benchmarks.matrix.motion import FREE_RAD_S, GOOD_S, PLACE_M, SET_RAD_S, MovingWorld, ToldEyes, make_sick_nodes
@@ -38,6 +39,8 @@ NS = 1e-9
 SETTLE_S, FIRE_S, MARK_S = 1.0, 2.0, 1.2      # the driver arms, asks for a ball so often, and marks it so much later
 SHORT_WHEEL, SHORT_DEG = 0.03, 1.0    # an axis that is further from its set point is to be driven
 DIP_S = 0.0009                        # a dip is what is lost in at least so long
+DISARM_S, ARM_S = 0.2, 0.3            # after a mark; after that, while the wheels coast
+SEEN_S, HIDDEN_S = 13.0, 17.0         # the target, in turn: hidden for longer than the wheels then stay at speed
 
 
 class Case(msgspec.Struct, frozen=True):
@@ -48,6 +51,8 @@ class Case(msgspec.Struct, frozen=True):
     world: str = ""
     frames: str = ""
     is_shot: bool = True              # balls must go
+    arms_again: bool = False          # after each ball
+    is_hidden: bool = False           # the target, in turn
 
 
 CASES = {
@@ -60,6 +65,9 @@ CASES = {
     "half the frames lost": Case(frames="half the frames lost"),
     "gaps of 70 ms": Case(frames="gaps of 70 ms"),
     "hood at its speed limit": Case(((SET_RAD_S, 20.0), (SET_RAD_S, 70.0))),
+    "armed again while the wheels coast": Case(((520.0, 45.0), (400.0, 45.0), (250.0, 45.0)), arms_again=True),
+    "speeds noisy, armed again, no target for a time": Case(world="speeds are noisy", arms_again=True, is_hidden=True,
+                                                            is_shot=False),
 }
 
 
@@ -85,6 +93,7 @@ class Watcher:
     def __init__(self, world: MovingWorld, result: Soaked) -> None:
         self._world, self._result = world, result
         self._since_s, self._was_driven = [0.0, 0.0], [False, False]
+        self._was_armed = False
         self._interlocks: Counter[str] = Counter()
         self._holds: Counter[str] = Counter()
         self._last: tuple[float, ...] = ()
@@ -96,7 +105,10 @@ class Watcher:
         for reason in tick.verdict.reasons:
             is_set_up = _is_set_up(reason) and not any(self._was_driven)
             (self._interlocks if reason.code in INTERLOCKS and not is_set_up else self._holds)[reason.code] += 1
-        wanted_rad_s, memory = tick.aim.motor_ratio * FREE_RAD_S, tick.memory
+        memory = tick.memory
+        wanted_rad_s = tick.aim.motor_ratio * FREE_RAD_S if memory.armed and not _is_idle(tick) else 0.0
+        if memory.armed != self._was_armed:
+            self._was_armed, self._was_driven = memory.armed, [False, False]
         for line in lines:
             t_s, a_nm, b_nm, hood_nm, wheel_rad_s, hood_deg, _ = line
             if not self._last or t_s - self._last[0] >= DIP_S:
@@ -121,6 +133,10 @@ class Watcher:
     def keep_picture(self, picture: CameraFrame) -> None: ...
 
 
+def _is_idle(tick: Tick) -> bool:
+    return tick.memory.motion is not UNSET and tick.memory.motion.is_idle
+
+
 def _is_set_up(reason: Reason) -> bool:
     """Whether an axis is released because its SPARK is still being set up, which answers that are lost delay."""
     cause = reason.params.get("cause")
@@ -136,7 +152,7 @@ def soak(name: str, case: Case, launcher: str, seconds: float, seed: int = 1) ->
     world.suffer(case.world)
     for node in nodes.values():
         node.suffer(case.frames, 0)
-    presses = _presses()
+    presses = _presses(case.arms_again)
     due_s, button = next(presses)
 
     def press(t_ns: int) -> None:
@@ -145,7 +161,10 @@ def soak(name: str, case: Case, launcher: str, seconds: float, seed: int = 1) ->
             box.press(button)
             due_s, button = next(presses)
 
-    eyes = ToldEyes(StepClock(lambda t_ns: None), lambda: False)
+    def hidden() -> bool:
+        return case.is_hidden and eyes.clock.now_ns() * NS % (SEEN_S + HIDDEN_S) > SEEN_S
+
+    eyes = ToldEyes(StepClock(lambda t_ns: None), hidden)
     with emulated_rig(config, world, nodes, box, eyes, (press,), lambda frame, sent: None,
                       lambda now_ns: now_ns * NS >= seconds) as (rig, clock):
         eyes.clock = clock
@@ -155,13 +174,18 @@ def soak(name: str, case: Case, launcher: str, seconds: float, seed: int = 1) ->
     return result
 
 
-def _presses() -> Iterator[tuple[float, str]]:
+def _presses(arms_again: bool) -> Iterator[tuple[float, str]]:
     t_s = SETTLE_S
     yield t_s, "arm"
     while True:
         t_s += FIRE_S
         yield t_s, "fire"
         yield t_s + MARK_S, "two"
+        if arms_again:
+            t_s += MARK_S + DISARM_S
+            yield t_s, "arm"
+            t_s += ARM_S
+            yield t_s, "arm"
 
 
 def _configured(case: Case, launcher: str) -> Config:

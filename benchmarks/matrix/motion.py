@@ -350,6 +350,7 @@ HALF_LOST = "half the frames lost"        # of what it says and of what it is to
 LOSSES = (HALF_LOST, "gaps of 70 ms")
 STICTION_NM = {"wheels": 0.1, "hood": 0.03}   # to break away, one and a half to two and a half times the friction
 SLIP = 0.1
+NOISE_RAD_S = 1.0                     # of each wheel motor's speed: a hundredth of what full torque adds in 0.1 s
 STUTTER_S, STUTTER_GAP_S = 1.2, 0.25  # readings stop this often, for so long
 NO_WATCHDOG = 0                       # a release is a command; a watchdog would hide that none came
 
@@ -404,6 +405,7 @@ class MovingWorld(World):
         self.hood: SickHood = SickHood(start_deg, options)
         self.lines: list[tuple[float, ...]] = []
         self.trouble = ""
+        self._random = np.random.default_rng(seed)
 
     def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
         while self._t_ns < t_ns:
@@ -413,6 +415,8 @@ class MovingWorld(World):
 
     def motor(self, name: str) -> MotorTruth:
         truth = super().motor(name)
+        if self.trouble == "speeds are noisy" and name in NAMES[:2]:
+            return truth._replace(velocity_rad_s=truth.velocity_rad_s + self._random.normal(0.0, NOISE_RAD_S))
         if self.trouble != "motor 2 slips" or name != "flywheel_b":
             return truth
         return truth._replace(position_rad=(1.0 - SLIP) * truth.position_rad,
@@ -427,8 +431,8 @@ class MovingWorld(World):
         return self.trouble != "switch dead" and super().hood_at_limit()
 
     def suffer(self, trouble: str) -> None:
-        """From now on something of SickHood or SickBelt is wrong, "switch dead", "motor 2 backwards" or
-        "motor 2 slips"; "" ends it."""
+        """From now on something of SickHood or SickBelt is wrong, "switch dead", "motor 2 backwards", "motor 2 slips"
+        or "speeds are noisy"; "" ends it."""
         self.trouble = self.hood.trouble = self.belt.trouble = trouble
 
     def log(self) -> npt.NDArray[np.float64]:

@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import signal
 import struct
+import time
 from multiprocessing.connection import Connection
 
 import pytest
@@ -236,18 +237,32 @@ def test_move_without_a_yes_is_refused_before_anything_is_opened(words, says, ca
 
 
 def serve(far: Connection) -> None:
-    """The emulated robot behind a serial CAN adapter, in real time and a process of its own, until told to end."""
+    """The emulated robot behind a serial CAN adapter, in real time and a process of its own, until told to end.
+
+    At the end it tells what it saw of the plant, and for how long this process stood still at most, in seconds.
+    """
     world, box = World(1), open_button_box(prompt=False)
     adapter, watched = SlcanAdapter(PtyCable(prompt=False)), Watched(world)
     nodes: list[Node] = list(make_nodes(CONFIG, world, WATCHDOG_MS).values())
     far.send((adapter.port, box.port))
-    keep_time(MonotonicClock(), Twin(world, adapter, tuple(nodes), (box.step, watched.step)).advance, far.poll)
-    far.send((watched.wheel_rad_s, watched.low_deg))
+    twin, times = Twin(world, adapter, tuple(nodes), (box.step, watched.step)), [time.monotonic()]
+    longest_s = 0.0
+
+    def advance(t_ns: int) -> None:
+        nonlocal longest_s
+        twin.advance(t_ns)
+        times.append(time.monotonic())
+        longest_s = max(longest_s, times[-1] - times.pop(0))
+
+    keep_time(MonotonicClock(), advance, far.poll)
+    far.send((watched.wheel_rad_s, watched.low_deg, longest_s))
     box.unplug()
 
 
-# Why a motion ends on a machine that others keep busy: the devices' process, or ours, has stood still
+# Why a motion ends on a machine that others keep busy: the devices' process, or ours, has stood still. What it missed
+# comes at once when it goes on, so that a position changes faster than its speed.
 STALLED = ("no frames for", "no heartbeat for", "could not be sent", "ticks stalled")
+FAR_STALL_S = 0.03
 
 
 @pytest.mark.slow
@@ -265,20 +280,21 @@ def test_on_a_serial_bus_it_asks_moves_and_tells(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("builtins.input", lambda: "yes")
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        with excuse_stalls():
+    with excuse_stalls():
+        try:
             doctor_checks.check_move(argparse.Namespace(move=True, yes=False))
             found = [*doctor_checks._look_at_can(config, clock, None, 2.0)]
             findings = {one.check: one for one in doctor_checks.move_robot(config, clock, found, False)}
-            if any(word in findings["motion"].says for word in STALLED):
-                pytest.skip(f"host too slow: {findings['motion'].says}")
-            said = capsys.readouterr().err
-            assert "hood: 3 deg up" in said and "Type yes" in said, found
-            assert not failures(findings) and findings["motion"].level == OK, findings
-    finally:
-        near.send("end")
-        wheel_rad_s, low_deg = near.recv()
-        devices.join()
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+        finally:
+            near.send("end")
+            wheel_rad_s, low_deg, longest_s = near.recv()
+            devices.join()
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
+        says = findings["motion"].says
+        if failures(findings) and (longest_s > FAR_STALL_S or any(word in says for word in STALLED)):
+            pytest.skip(f"host too slow: the devices stood still for {longest_s:.2f} s: {says}")
+        said = capsys.readouterr().err
+        assert "hood: 3 deg up" in said and "Type yes" in said, found
+        assert not failures(findings) and findings["motion"].level == OK, (longest_s, findings)
     assert wheel_rad_s <= 1.2 * TOP_RAD_S and low_deg >= LOW_DEG
