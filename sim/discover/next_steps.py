@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import softmax
 
-from truearc.sim.check.tracks import RPM
+from truearc.sim.check.causes import RPM
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.discover.decide import Step

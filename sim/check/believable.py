@@ -1,0 +1,323 @@
+"""How well believable physics explains a dataset: drag, lift, slip, hood, distances and trackers as priors have them.
+
+What the data say of a flight are rows: a residual by the physics' parameters, with its standard deviation. Rows are
+Student-t, so that a lucky shot does not decide. The search starts at several beliefs of drag and lift and improves the
+two best by Gauss-Newton steps, so that data as recorded are judged at the best believable physics.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.check.motion import Motion
+from truearc.sim.data.dataset import Dataset, Floats
+from truearc.sim.physics.catalogue import catalogue
+from truearc.sim.physics.simulate import by_wheels, launch_state
+from truearc.sim.physics.term import to_scale
+
+TERMS = ("drag", "magnus", "exit_efficiency", "wheel_slip", "hood_offset", "distance_scale", "distance_bias",
+         "release_height", "track_scale", "track_tilt")
+CD, CL, LOSS, SLIP, HOOD, FAR, BIAS, RISE, SCALE, TILT = range(len(TERMS))
+FREEDOM = 4.0                         # of Student's t; chosen: one row far off costs as much as a few near ones
+# Chosen: 1 to 3 % of speeds is usual; worse launchers cost as the prior below says
+SCATTERS = np.array([0.012, 0.02, 0.035, 0.06, 0.1])
+USUAL, SPREAD = math.log(0.03), 0.5   # of the logarithm of a launcher's scatter; chosen: 8 % at two deviations
+LOST = 3.0                            # residual of a log speed of a shot that never arrives; chosen: a unit's is 1 to 6
+UNSTATED_M = 0.6                      # of a release height; chosen: as robots have
+LIFTING = 0.3                         # rim speed by speed of a ball whose spin is not known; chosen: as of two wheels
+STEPS, TURNS = 8, 7                   # of a flight, and of the search for its speed; chosen: 1 % in speed
+SHOTS = 50                            # most that are judged; chosen: enough for units, and quick
+FULL = 25.0                           # rows of shots that count fully: more err alike; chosen: drag laws differ by per cents
+ORDINARY = 1.5                        # nats that a row may cost: more is a surprise; derived: 1.6 standard deviations
+MIXED = 3.0                           # nats that another unit in one row costs; derived: one row in twenty, ln 20
+SCORES = 6                            # fewest shots that are judged; chosen: twice the numbers that they may fix
+# Chosen: quartiles of the priors and beyond, by which each start is near enough for Gauss-Newton
+STARTS = np.array([[cd, cl] for cd in (-1.0, 0.7, 2.0) for cl in (-0.7, 0.5, 1.5)])
+STEP, BOUND = 0.2, 4.0                # of derivatives, and bound of parameters, in standard deviations
+
+
+class Reading(NamedTuple):
+    """A dataset as one takes its numbers to be."""
+
+    dataset: Dataset
+    motion: Motion | None
+
+
+class Rows(NamedTuple):
+    """Residuals of lanes of parameters [l, p] with standard deviations, both [l, n]; nan: a scatter with `wide` [n].
+
+    whose: row in Shots; weight: how much of a row counts; unusual: nats by which the sizes are unusual, by name.
+    """
+
+    residuals: Callable[[Floats], tuple[Floats, Floats]]
+    wide: Floats
+    whose: Int[np.ndarray, " n"]
+    weight: Floats
+    unusual: dict[str, float]
+
+
+class Fit(NamedTuple):
+    """Score and surprise [nats]; parameters [p]; residuals [n] in standard deviations; shots that are read otherwise."""
+
+    score: float
+    surprise: float
+    values: Floats
+    rest: Floats
+    otherwise: Int[np.ndarray, " k"]
+
+
+def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: float, drag_m: Any = 0.0,
+                 lift_s: Any = 0.0) -> Floats:
+    """Return the speed [m/s] that carries a ball through a point; inf where that angle never does.
+
+    drag_m: deceleration by speed squared [1/m]; lift_s: acceleration across the flight by speed [1/s], of a spin that
+    stays. Along x, with slope p = tan of the elevation and speed u: u' = -q (drag u + lift p / q), and
+    p' = (lift q^2 - g / u) / u, q^2 = 1 + p^2, in steps of the midpoint; g / u0^2 by fixed point, as the fall of a
+    flight is nearly in proportion to it.
+    """
+    with np.errstate(all="ignore"):
+        slope = np.where(np.abs(hood_deg) < 89.5, np.tan(np.radians(hood_deg)), np.nan)
+        step = distance_m / STEPS
+        weight = np.maximum(2.0 * (distance_m * slope - rise_m), 1e-3) / distance_m**2           # g / u0^2
+        for _ in range(TURNS):
+            fallen = lifted = bent_down = bent_up = log_u = np.zeros_like(weight)
+            lift = lift_s * np.sqrt(weight / gravity_m_s2)
+
+            def rates(down: Any, up: Any, log_u: Any, lift: Any = lift, weight: Any = weight) -> tuple[Any, Any, Any]:
+                p = slope + up - down
+                square = 1.0 + p * p
+                slow = np.exp(-log_u)
+                lifts = lift * slow
+                return weight * slow * slow, lifts * square, -np.sqrt(square) * drag_m - lifts * p
+
+            for _ in range(STEPS):
+                first = rates(bent_down, bent_up, log_u)
+                down, up = bent_down + 0.5 * step * first[0], bent_up + 0.5 * step * first[1]
+                middle = rates(down, up, log_u + 0.5 * step * first[2])
+                bent_down, bent_up = bent_down + step * middle[0], bent_up + step * middle[1]
+                log_u, fallen, lifted = log_u + step * middle[2], fallen + step * down, lifted + step * up
+            change = (distance_m * slope + lifted - rise_m) / fallen
+            weight = weight * np.clip(change, 0.1, 10.0)
+        speed = np.sqrt(gravity_m_s2 * (1.0 + slope**2) / weight)
+        sound = (np.abs(np.log(change)) < 0.1) & (distance_m > 0.0)
+    return np.where(sound, speed, np.inf)
+
+
+def judged_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
+    """Shots whose height at the target is known, by outcome or by measurement, with a distance, an angle and a speed."""
+    shots, target = dataset.shots, dataset.rig.target
+    heights = shots.number("miss_height_m")
+    scored = np.isin(shots.text("outcome"), ("two", "three"))
+    if target is not None and len(set(heights[np.isfinite(heights)].tolist())) > 1:       # no table of aims
+        scored |= np.abs(heights) <= target.two_half_height_m
+    speed = launch_state(dataset.rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan))
+    rows = np.flatnonzero(scored & np.isfinite(shots.number("distance_m") + elevation_deg(dataset) + speed))
+    return rows if target is not None and len(rows) >= SCORES else rows[:0]
+
+
+def elevation_deg(dataset: Dataset) -> Floats:
+    """Of each shot: as measured, else by its hood."""
+    seen = dataset.shots.number("exit_deg")
+    return np.where(np.isfinite(seen), seen, dataset.shots.number("hood_deg"))
+
+
+def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: dict[str, float]) -> Rows:
+    """Rows of a dataset; as many, in the same order, for every reading of it."""
+    parts = []
+    if len(judged):
+        kept = judged[np.linspace(0, len(judged) - 1, min(SHOTS, len(judged))).astype(int)]
+        flown, wide = _of_shots(reading.dataset, kept)
+        parts.append((flown, wide, kept, np.full(len(kept), min(1.0, FULL / len(kept)))))
+    if reading.motion is not None:
+        own = reading.motion.shot
+        parts.append((_of_tracks(reading.dataset, reading.motion), np.zeros(10 * len(own)), np.tile(own, 10),
+                      np.full(10 * len(own), min(1.0, FULL / 2.0 / len(own)))))
+    if not parts:
+        return Rows(lambda theta: (np.zeros((len(theta), 0)),) * 2, np.zeros(0), np.zeros(0, dtype=int), np.zeros(0),
+                    unusual)
+    functions, wides, whose, weights = zip(*parts, strict=True)
+
+    def residuals(theta: Floats) -> tuple[Floats, Floats]:
+        found = [function(theta) for function in functions]
+        off, sd = (np.concatenate(columns, axis=1) for columns in zip(*found, strict=True))
+        return np.where(np.isfinite(off), off, LOST), sd
+    return Rows(residuals, np.concatenate(wides), np.concatenate(whose), np.concatenate(weights), unusual)
+
+
+def _priors() -> tuple[Floats, Floats]:
+    """Centre and standard deviation of each term's amplitude, on its scale."""
+    known = [prior for name in TERMS if (prior := catalogue().get(name).amplitude.prior) is not None]
+    return np.array([to_scale(one.scale, one.centre) for one in known]), np.array([one.sd for one in known])
+
+
+def _forces(rig: Rig, spin: Floats, speed: Floats) -> tuple[float, Floats]:
+    """Drag [1/m] and lift [1/s] for coefficients of 1; of a spin that is not known, of a usual one."""
+    ball, rho = rig.ball, rig.air.density_kg_m3
+    usual = LIFTING / 2.0 / math.pi / ball.radius_m * speed
+    per_rev = 16.0 / 3.0 * math.pi**2 * ball.radius_m**3 * rho / ball.mass_kg
+    return min(0.5 * math.pi * ball.radius_m**2 * rho / ball.mass_kg, 10.0), np.clip(
+        per_rev * np.where(np.isfinite(spin), spin, usual), -100.0, 100.0)
+
+
+def _launched(dataset: Dataset) -> tuple[Floats, Floats]:
+    """Speed and spin by the launcher; nan where they are not known."""
+    state, nothing = launch_state(dataset.rig, dataset.shots), np.full(len(dataset.shots), np.nan)
+    return state.get("exit_speed_m_s", nothing), state.get("exit_spin_rev_s", nothing)
+
+
+def _left(theta: Floats, speed: Floats, measured: Any) -> Floats:
+    """Log of the speed with which balls leave, by lanes."""
+    centre, sd = _priors()
+    lost = centre[LOSS] + sd[LOSS] * theta[:, [LOSS]] - sd[SLIP] * theta[:, [SLIP]] * np.minimum(speed, 40.0)
+    return np.log(np.maximum(speed, 1e-9)) + np.where(measured, 0.03 * theta[:, [LOSS]], lost)
+
+
+def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"]) -> tuple[Any, Floats]:
+    """Log of the speed with which balls left by the one that takes them to where they passed the target."""
+    rig, shots, target = dataset.rig, dataset.shots, dataset.rig.target
+    assert target is not None
+    centre, sd = _priors()
+    height = shots.number("miss_height_m")[judged]
+    half = np.where(np.array(shots.text("outcome"))[judged] == "three", target.three_half_height_m,
+                    target.two_half_height_m)
+    stated = rig.launcher.release_height_m
+    low = sd[RISE] if stated else 0.3
+    rise = target.centre_height_m - (stated or UNSTATED_M) + np.nan_to_num(height)
+    distance, angle = shots.number("distance_m")[judged], elevation_deg(dataset)[judged]
+    speed, spin = (column[judged] for column in _launched(dataset))
+    drag, lift = _forces(rig, spin, speed)
+    measured = ~by_wheels(shots)[judged]
+
+    def need(theta: Floats, higher_m: Any = 0.0) -> Floats:
+        lane = (centre + sd * theta)[:, :, None]
+        return np.log(needed_speed(distance * (1.0 + lane[:, FAR]) + lane[:, BIAS],
+                                   rise + higher_m + theta[:, [RISE]] * low, angle + lane[:, HOOD],
+                                   rig.world.gravity_m_s2, np.exp(lane[:, CD]) * drag, lane[:, CL] * lift))
+
+    def residuals(theta: Floats) -> tuple[Floats, Floats]:
+        with np.errstate(invalid="ignore"):
+            off = np.clip(_left(theta, speed, measured) - need(theta), -LOST, LOST)
+        return off, np.full(off.shape, np.nan)
+    with np.errstate(invalid="ignore"):                   # chosen: balls are aimed at the middle of the opening
+        up, down = (need(np.zeros((1, len(TERMS))), way * np.where(np.isfinite(height), 0.03, 0.4 * half))[0]
+                    for way in (0.5, -0.5))
+    return residuals, np.clip(np.nan_to_num(np.abs(up - down), nan=0.1, posinf=0.1), 0.0, 0.2)
+
+
+def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Floats, Floats]]:
+    """Accelerations, where flights begin and go, and how they agree with angle, speed and distance of their shots."""
+    rig, shots, g, own = dataset.rig, dataset.shots, dataset.rig.world.gravity_m_s2, motion.shot
+    centre, sd = _priors()
+    speed, spin = (column[own] for column in _launched(dataset))
+    drag, lift = _forces(rig, spin, np.linalg.norm(motion.start_m_s, axis=1))
+    size = np.linalg.norm(motion.velocity_m_s, axis=2, keepdims=True)
+    up = np.cross(motion.velocity_m_s, np.cross([0.0, 0.0, 1.0], motion.velocity_m_s))
+    up = up / np.maximum(np.linalg.norm(up, axis=2, keepdims=True), 1e-12) * size
+    slow, raised = -drag * (size * motion.velocity_m_s).mean(axis=1), lift[:, None] * up.mean(axis=1)
+    place, first = motion.from_m, motion.start_m_s
+    total = np.linalg.norm(first, axis=1)
+    with np.errstate(all="ignore"):
+        back = np.where(first[:, 0] > 0.1 * total, place[:, 0] / first[:, 0], np.nan)
+        far, way = np.abs(place[:, 0]), motion.to_m - place
+        stated = rig.launcher.release_height_m
+        begins = place[:, 2] - first[:, 2] * back - 0.5 * g * back**2 - stated
+        aside = np.degrees(np.arctan2(way[:, 1], way[:, 0]))
+        begun = np.clip(np.nan_to_num(back), 0.0, 2.0)
+        rises = np.degrees(np.arctan2(first[:, 2] + g * begun, np.hypot(first[:, 0], first[:, 1])))
+        longer = np.log(np.hypot(way[:, 0], way[:, 1]) / shots.number("distance_m")[own])
+        faster = np.log(np.linalg.norm(first + np.outer(begun, [0.0, 0.0, g]), axis=1))
+    unsure = np.hypot(motion.error_m_s2, 0.07 * np.linalg.norm(motion.bend_m_s2, axis=1) + 1e-12)
+    upright = bool((shots.number("hood_deg") > 85.0).any())
+    loose = motion.unlinked
+    widths = np.array([*[unsure] * 3, (0.12 if stated or rig.target else 3.0) + 0.12 * far,
+                       0.15 + 0.1 * far + 0.1 * np.abs(place[:, 2]), 0.2 + 0.05 * np.abs(place[:, 2]),
+                       0.0 * far + (180.0 if upright else 8.0), 20.0 * loose + 1.5 + far, 0.5 * loose + 0.05 + 0.05 * far])
+    too_long = np.where(longer > 0.0, longer / 0.2, longer / 12.0) * (0.2 if loose else 1.0)
+    known = np.isfinite(elevation_deg(dataset)[own]), speed > 0.0, np.isfinite(longer)
+
+    def residuals(theta: Floats) -> tuple[Floats, Floats]:
+        lane = (centre + sd * theta)[:, :, None, None]
+        pull = np.exp(lane[:, CD]) * slow + lane[:, CL] * raised - np.array([0.0, 0.0, g])
+        tilt = math.radians(2.5) * theta[:, TILT, None]
+        pull = np.stack([pull[..., 0] - tilt * pull[..., 2], pull[..., 1], pull[..., 2] + tilt * pull[..., 0]])
+        bend = motion.bend_m_s2.T[:, None, :] - pull * (1.0 + 0.11 * theta[:, SCALE, None])
+        angle = elevation_deg(dataset)[own] + sd[HOOD] * theta[:, [HOOD]] + 2.5 * theta[:, [TILT]] - rises
+        quick = _left(theta, speed, ~by_wheels(shots)[own]) + 0.06 * theta[:, [SCALE]] - faster
+        lanes = np.ones((len(theta), 1))
+        off = np.stack([*bend, begins + 0.044 * theta[:, [TILT]] * far, lanes * (place[:, 1] - first[:, 1] * back),
+                        lanes * np.minimum(place[:, 0], 0.0), lanes * aside,
+                        np.where(known[0], angle, 0.0), np.where(known[1], quick, 0.0)], axis=1)
+        off = np.where(np.isfinite(off), off, LOST * widths) / widths
+        off = np.concatenate([off, (lanes * np.where(known[2], too_long, 0.0))[:, None]], axis=1)
+        return off.reshape(len(theta), -1), np.ones((len(theta), off.shape[1] * off.shape[2]))
+    return residuals
+
+
+class Judged(NamedTuple):
+    """Score of each lane [l]; residuals, curvatures, which reading, residuals in standard deviations, all [l, n]; nats
+    by which the scatter is unusual [l]."""
+
+    score: Floats
+    off: Floats
+    curve: Floats
+    which: Int[np.ndarray, "l n"]
+    rest: Floats
+    spread: Floats
+
+
+def _judge(readings: Sequence[Rows], theta: Floats) -> Judged:
+    whose = readings[0].whose
+    shots, place = np.unique(whose, return_inverse=True)
+    onto = (place[:, None] == np.arange(len(shots))).astype(float)
+    costs, offs, widths = [], [], []
+    for rows in readings:
+        off, sd = rows.residuals(theta)
+        width = np.where(np.isnan(sd), np.hypot(SCATTERS[:, None, None], rows.wide), sd)
+        cost = 0.5 * (FREEDOM + 1.0) * np.log1p((off / width)**2 / FREEDOM)
+        costs.append(rows.weight * (cost + np.where(np.isnan(sd), np.log(width / SCATTERS[0]), 0.0)))
+        offs.append(off)
+        widths.append(width)
+    each = np.stack([cost @ onto for cost in costs])                               # [readings, scatters, lanes, shots]
+    each[1:] += MIXED * np.minimum(1.0, FULL / max(len(shots), 1))
+    which = each.argmin(axis=0)
+    spread = 0.5 * (np.maximum(np.log(SCATTERS) - USUAL, 0.0) / SPREAD)**2 if np.isnan(sd).any() else np.zeros(len(SCATTERS))
+    cost = each.min(axis=0).sum(axis=-1) + spread[:, None]
+    best, lane = cost.argmin(axis=0), np.arange(len(theta))
+    picked = which[best, lane][:, place]
+    off = np.choose(picked, offs)
+    width = np.choose(picked, [one[best if len(one) > 1 else 0 * best, lane] for one in widths])
+    curve = readings[0].weight * (FREEDOM + 1.0) / (FREEDOM + (off / width)**2) / width**2
+    score = -cost[best, lane] - 0.5 * (theta**2).sum(axis=1) - sum(readings[0].unusual.values())
+    return Judged(score, off, curve, picked, off / width, spread[best])
+
+
+def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 4, lanes: int = 2) -> Fit:
+    """The best believable physics; each shot is read as the likelier of `readings`. near: more starts."""
+    starts = np.zeros((len(STARTS), len(TERMS)))
+    starts[:, [CD, CL]] = STARTS
+    starts = np.concatenate([*(one[None] for one in near), starts])
+    best = starts[np.argsort(-_judge(readings, starts).score)[:lanes]]
+    moves, shares = STEP * np.eye(len(TERMS)), np.array([0.0, 1.0, 0.4, 0.1])
+    for _ in range(turns if len(readings[0].whose) else 0):
+        moved = best[:, None] - np.where(best > 0.0, 1.0, -1.0)[:, None, :] * np.concatenate([moves[:1] * 0.0, moves])
+        judged = _judge(readings, moved.reshape(-1, len(TERMS)))
+        off = judged.off.reshape(*moved.shape[:2], -1)
+        change = off[:, 1:] - off[:, :1]
+        slope = np.where(np.abs(change) < 1.0 + np.abs(off[:, :1]), change, 0.0) / (
+            (moved[:, 1:] - moved[:, :1]).sum(axis=2)[:, :, None])
+        weighted = slope * judged.curve.reshape(off.shape)[:, :1]
+        step = -np.linalg.solve(weighted @ slope.transpose(0, 2, 1) + np.eye(len(TERMS)),
+                                (weighted @ off[:, 0, :, None]) + best[:, :, None])[:, :, 0]
+        tried = np.clip(best[:, None] + shares[:, None] * np.clip(step, -2.0, 2.0)[:, None], -BOUND, BOUND)
+        score = _judge(readings, tried.reshape(-1, len(TERMS))).score.reshape(len(best), -1)
+        best = tried[np.arange(len(best)), score.argmax(axis=1)]
+    last = _judge(readings, best)
+    at = int(last.score.argmax())
+    odd = np.maximum(0.5 * (FREEDOM + 1.0) * np.log1p(last.rest[at]**2 / FREEDOM) - ORDINARY, 0.0) @ readings[0].weight
+    surprise = odd + last.spread[at] + 0.5 * best[at] @ best[at] + sum(readings[0].unusual.values())
+    return Fit(float(last.score[at]), float(surprise), best[at], last.rest[at],
+               np.unique(readings[0].whose[last.which[at] > 0]))
