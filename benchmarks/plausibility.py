@@ -110,7 +110,7 @@ def _draw(rng: np.random.Generator, seed: int) -> Dataset | None:
     path = shoot(flown, true_deg + rng.uniform(0.1, 0.6) * rng.standard_normal(n), 0.01, 220)
     off_m = height_at(path, true_m) - centre_m
     outcome = tuple("three" if abs(one) < 0.07 else "two" if abs(one) < half_m else "miss" for one in off_m)
-    if n - outcome.count("miss") < 12 or np.median(speed) > 30.0:
+    if n - outcome.count("miss") < 12 or speed.max() > 40.0:
         return None
     shown_m = np.maximum(distance + 0.02 * rng.standard_normal(n), 0.1)
     numbers = {"distance_m": shown_m, "hood_deg": hood}

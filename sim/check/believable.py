@@ -7,10 +7,11 @@ two best by Gauss-Newton steps, so that data as recorded are judged at the best 
 
 import math
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.check.motion import Motion
@@ -29,14 +30,17 @@ USUAL, SPREAD = math.log(0.03), 0.5   # of the logarithm of a launcher's scatter
 LOST = 3.0                            # residual of a log speed of a shot that never arrives; chosen: a unit's is 1 to 6
 UNSTATED_M = 0.6                      # of a release height; chosen: as robots have
 LIFTING = 0.3                         # rim speed by speed of a ball whose spin is not known; chosen: as of two wheels
-STEPS, TURNS = 8, 7                   # of a flight, and of the search for its speed; chosen: 1 % in speed
+SLIPS = 0.6                           # most that wheels slip by their speed, of the log; chosen: a half is left
+STEPS, TURNS = 8, 3                   # of a flight, and of the search for its speed; chosen: 1 % in speed
+ROUGH = 4, 2                          # the same for a first look; chosen: 3 % in speed
 SHOTS = 50                            # most that are judged; chosen: enough for units, and quick
 FULL = 25.0                           # rows of shots that count fully: more err alike; chosen: drag laws differ by per cents
 ORDINARY = 1.5                        # nats that a row may cost: more is a surprise; derived: 1.6 standard deviations
+UNLINKED = 3.0                        # times as far do tracks of other shots agree with a shot; chosen: as hoods differ
 MIXED = 3.0                           # nats that another unit in one row costs; derived: one row in twenty, ln 20
 SCORES = 6                            # fewest shots that are judged; chosen: twice the numbers that they may fix
 # Chosen: quartiles of the priors and beyond, by which each start is near enough for Gauss-Newton
-STARTS = np.array([[cd, cl] for cd in (-1.0, 0.7, 2.0) for cl in (-0.7, 0.5, 1.5)])
+STARTS = np.array([[cd, cl] for cd in (-0.8, 1.2) for cl in (-0.7, 0.5, 1.5)])
 STEP, BOUND = 0.2, 4.0                # of derivatives, and bound of parameters, in standard deviations
 
 
@@ -59,6 +63,11 @@ class Rows(NamedTuple):
     weight: Floats
     unusual: dict[str, float]
 
+    @property
+    def scattered(self) -> Bool[np.ndarray, " n"]:
+        """Which rows are speeds of shots, with a scatter."""
+        return self.wide > 0.0
+
 
 class Fit(NamedTuple):
     """Score and surprise [nats]; parameters [p]; residuals [n] in standard deviations; shots that are read otherwise."""
@@ -71,7 +80,7 @@ class Fit(NamedTuple):
 
 
 def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: float, drag_m: Any = 0.0,
-                 lift_s: Any = 0.0) -> Floats:
+                 lift_s: Any = 0.0, steps: int = STEPS, turns: int = TURNS) -> Floats:
     """Return the speed [m/s] that carries a ball through a point; inf where that angle never does.
 
     drag_m: deceleration by speed squared [1/m]; lift_s: acceleration across the flight by speed [1/s], of a spin that
@@ -81,9 +90,11 @@ def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: floa
     """
     with np.errstate(all="ignore"):
         slope = np.where(np.abs(hood_deg) < 89.5, np.tan(np.radians(hood_deg)), np.nan)
-        step = distance_m / STEPS
-        weight = np.maximum(2.0 * (distance_m * slope - rise_m), 1e-3) / distance_m**2           # g / u0^2
-        for _ in range(TURNS):
+        step = distance_m / steps
+        # g / u0^2, first as if the slope stayed: a fall then is (e^a - 1 - a) x^2 / a^2
+        a = np.clip(2.0 * drag_m * np.sqrt(1.0 + slope**2) * distance_m, 1e-3, 30.0)
+        weight = np.maximum(distance_m * slope - rise_m, 1e-3) / distance_m**2 * a * a / (np.expm1(a) - a)
+        for _ in range(turns):
             fallen = lifted = bent_down = bent_up = log_u = np.zeros_like(weight)
             lift = lift_s * np.sqrt(weight / gravity_m_s2)
 
@@ -94,7 +105,7 @@ def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: floa
                 lifts = lift * slow
                 return weight * slow * slow, lifts * square, -np.sqrt(square) * drag_m - lifts * p
 
-            for _ in range(STEPS):
+            for _ in range(steps):
                 first = rates(bent_down, bent_up, log_u)
                 down, up = bent_down + 0.5 * step * first[0], bent_up + 0.5 * step * first[1]
                 middle = rates(down, up, log_u + 0.5 * step * first[2])
@@ -116,7 +127,9 @@ def judged_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
         scored |= np.abs(heights) <= target.two_half_height_m
     speed = launch_state(dataset.rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan))
     rows = np.flatnonzero(scored & np.isfinite(shots.number("distance_m") + elevation_deg(dataset) + speed))
-    return rows if target is not None and len(rows) >= SCORES else rows[:0]
+    if target is None or len(rows) < SCORES:
+        return rows[:0]
+    return rows[np.linspace(0, len(rows) - 1, min(SHOTS, len(rows))).astype(int)]
 
 
 def elevation_deg(dataset: Dataset) -> Floats:
@@ -125,13 +138,12 @@ def elevation_deg(dataset: Dataset) -> Floats:
     return np.where(np.isfinite(seen), seen, dataset.shots.number("hood_deg"))
 
 
-def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: dict[str, float]) -> Rows:
-    """Rows of a dataset; as many, in the same order, for every reading of it."""
+def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: dict[str, float], rough: bool = False) -> Rows:
+    """Rows of a dataset; as many, in the same order, for every reading of it. rough: for a first look."""
     parts = []
     if len(judged):
-        kept = judged[np.linspace(0, len(judged) - 1, min(SHOTS, len(judged))).astype(int)]
-        flown, wide = _of_shots(reading.dataset, kept)
-        parts.append((flown, wide, kept, np.full(len(kept), min(1.0, FULL / len(kept)))))
+        flown, wide = _of_shots(reading.dataset, judged, ROUGH if rough else (STEPS, TURNS))
+        parts.append((flown, wide, judged, np.full(len(judged), min(1.0, FULL / len(judged)))))
     if reading.motion is not None:
         own = reading.motion.shot
         parts.append((_of_tracks(reading.dataset, reading.motion), np.zeros(10 * len(own)), np.tile(own, 10),
@@ -148,6 +160,7 @@ def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: dict[str, 
     return Rows(residuals, np.concatenate(wides), np.concatenate(whose), np.concatenate(weights), unusual)
 
 
+@cache
 def _priors() -> tuple[Floats, Floats]:
     """Centre and standard deviation of each term's amplitude, on its scale."""
     known = [prior for name in TERMS if (prior := catalogue().get(name).amplitude.prior) is not None]
@@ -172,11 +185,11 @@ def _launched(dataset: Dataset) -> tuple[Floats, Floats]:
 def _left(theta: Floats, speed: Floats, measured: Any) -> Floats:
     """Log of the speed with which balls leave, by lanes."""
     centre, sd = _priors()
-    lost = centre[LOSS] + sd[LOSS] * theta[:, [LOSS]] - sd[SLIP] * theta[:, [SLIP]] * np.minimum(speed, 40.0)
+    lost = sd[LOSS] * theta[:, [LOSS]] - centre[LOSS] - np.clip(sd[SLIP] * theta[:, [SLIP]] * speed, -SLIPS, SLIPS)
     return np.log(np.maximum(speed, 1e-9)) + np.where(measured, 0.03 * theta[:, [LOSS]], lost)
 
 
-def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"]) -> tuple[Any, Floats]:
+def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, int]) -> tuple[Any, Floats]:
     """Log of the speed with which balls left by the one that takes them to where they passed the target."""
     rig, shots, target = dataset.rig, dataset.shots, dataset.rig.target
     assert target is not None
@@ -196,16 +209,16 @@ def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"]) -> tuple[Any, Flo
         lane = (centre + sd * theta)[:, :, None]
         return np.log(needed_speed(distance * (1.0 + lane[:, FAR]) + lane[:, BIAS],
                                    rise + higher_m + theta[:, [RISE]] * low, angle + lane[:, HOOD],
-                                   rig.world.gravity_m_s2, np.exp(lane[:, CD]) * drag, lane[:, CL] * lift))
+                                   rig.world.gravity_m_s2, np.exp(lane[:, CD]) * drag, lane[:, CL] * lift, *fine))
 
     def residuals(theta: Floats) -> tuple[Floats, Floats]:
         with np.errstate(invalid="ignore"):
             off = np.clip(_left(theta, speed, measured) - need(theta), -LOST, LOST)
         return off, np.full(off.shape, np.nan)
-    with np.errstate(invalid="ignore"):                   # chosen: balls are aimed at the middle of the opening
-        up, down = (need(np.zeros((1, len(TERMS))), way * np.where(np.isfinite(height), 0.03, 0.4 * half))[0]
-                    for way in (0.5, -0.5))
-    return residuals, np.clip(np.nan_to_num(np.abs(up - down), nan=0.1, posinf=0.1), 0.0, 0.2)
+    aimed = np.where(np.isfinite(height), 0.03, 0.4 * half)  # chosen: balls are aimed at the middle of the opening
+    with np.errstate(invalid="ignore"):
+        up, down = need(np.zeros((2, len(TERMS))), np.array([[0.5], [-0.5]]) * aimed)
+    return residuals, np.clip(np.nan_to_num(np.abs(up - down), nan=0.02, posinf=0.02), 1e-4, 0.2)
 
 
 def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Floats, Floats]]:
@@ -224,6 +237,7 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
         back = np.where(first[:, 0] > 0.1 * total, place[:, 0] / first[:, 0], np.nan)
         far, way = np.abs(place[:, 0]), motion.to_m - place
         stated = rig.launcher.release_height_m
+        fallen = 0.1 * g * np.nan_to_num(back)**2          # chosen: drag takes so much of a fall
         begins = place[:, 2] - first[:, 2] * back - 0.5 * g * back**2 - stated
         aside = np.degrees(np.arctan2(way[:, 1], way[:, 0]))
         begun = np.clip(np.nan_to_num(back), 0.0, 2.0)
@@ -232,11 +246,10 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
         faster = np.log(np.linalg.norm(first + np.outer(begun, [0.0, 0.0, g]), axis=1))
     unsure = np.hypot(motion.error_m_s2, 0.07 * np.linalg.norm(motion.bend_m_s2, axis=1) + 1e-12)
     upright = bool((shots.number("hood_deg") > 85.0).any())
-    loose = motion.unlinked
-    widths = np.array([*[unsure] * 3, (0.12 if stated or rig.target else 3.0) + 0.12 * far,
+    widths = np.array([*[unsure] * 3, (0.12 if stated or rig.target else 3.0) + 0.12 * far + fallen,
                        0.15 + 0.1 * far + 0.1 * np.abs(place[:, 2]), 0.2 + 0.05 * np.abs(place[:, 2]),
-                       0.0 * far + (180.0 if upright else 8.0), 20.0 * loose + 1.5 + far, 0.5 * loose + 0.05 + 0.05 * far])
-    too_long = np.where(longer > 0.0, longer / 0.2, longer / 12.0) * (0.2 if loose else 1.0)
+                       (180.0 if upright else 8.0) + 0.05 / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-9) * 57.3, 1.5 + far, 0.05 + 0.05 * far])
+    too_long = np.where(longer > 0.0, longer / 0.2, longer / 12.0)
     known = np.isfinite(elevation_deg(dataset)[own]), speed > 0.0, np.isfinite(longer)
 
     def residuals(theta: Floats) -> tuple[Floats, Floats]:
@@ -253,7 +266,9 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
                         np.where(known[0], angle, 0.0), np.where(known[1], quick, 0.0)], axis=1)
         off = np.where(np.isfinite(off), off, LOST * widths) / widths
         off = np.concatenate([off, (lanes * np.where(known[2], too_long, 0.0))[:, None]], axis=1)
-        return off.reshape(len(theta), -1), np.ones((len(theta), off.shape[1] * off.shape[2]))
+        widen = np.ones_like(off)
+        widen[:, 7:] = UNLINKED if motion.unlinked else 1.0
+        return off.reshape(len(theta), -1), widen.reshape(len(theta), -1)
     return residuals
 
 
@@ -273,15 +288,16 @@ def _judge(readings: Sequence[Rows], theta: Floats) -> Judged:
     whose = readings[0].whose
     shots, place = np.unique(whose, return_inverse=True)
     onto = (place[:, None] == np.arange(len(shots))).astype(float)
+    onto = onto if len(shots) < len(whose) else None
     costs, offs, widths = [], [], []
     for rows in readings:
         off, sd = rows.residuals(theta)
         width = np.where(np.isnan(sd), np.hypot(SCATTERS[:, None, None], rows.wide), sd)
         cost = 0.5 * (FREEDOM + 1.0) * np.log1p((off / width)**2 / FREEDOM)
-        costs.append(rows.weight * (cost + np.where(np.isnan(sd), np.log(width / SCATTERS[0]), 0.0)))
+        costs.append(rows.weight * (cost + np.log(width / np.where(np.isnan(sd), SCATTERS[0], 1.0))))
         offs.append(off)
         widths.append(width)
-    each = np.stack([cost @ onto for cost in costs])                               # [readings, scatters, lanes, shots]
+    each = np.stack([cost if onto is None else cost @ onto for cost in costs])                               # [readings, scatters, lanes, shots]
     each[1:] += MIXED * np.minimum(1.0, FULL / max(len(shots), 1))
     which = each.argmin(axis=0)
     spread = 0.5 * (np.maximum(np.log(SCATTERS) - USUAL, 0.0) / SPREAD)**2 if np.isnan(sd).any() else np.zeros(len(SCATTERS))
@@ -297,10 +313,15 @@ def _judge(readings: Sequence[Rows], theta: Floats) -> Judged:
 
 def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 4, lanes: int = 2) -> Fit:
     """The best believable physics; each shot is read as the likelier of `readings`. near: more starts."""
+    scattered = readings[0].scattered
     starts = np.zeros((len(STARTS), len(TERMS)))
     starts[:, [CD, CL]] = STARTS
     starts = np.concatenate([*(one[None] for one in near), starts])
-    best = starts[np.argsort(-_judge(readings, starts).score)[:lanes]]
+    last = _judge(readings, starts)
+    if scattered.any():               # whatever the wheels lose: the middle shot goes as it should
+        starts[:, LOSS] -= np.clip(np.median(last.off[:, scattered], axis=1) / _priors()[1][LOSS], -3.0, 3.0)
+        last = _judge(readings, starts)
+    best = starts[np.argsort(-last.score)[:lanes]]
     moves, shares = STEP * np.eye(len(TERMS)), np.array([0.0, 1.0, 0.4, 0.1])
     for _ in range(turns if len(readings[0].whose) else 0):
         moved = best[:, None] - np.where(best > 0.0, 1.0, -1.0)[:, None, :] * np.concatenate([moves[:1] * 0.0, moves])
@@ -315,8 +336,9 @@ def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 
         tried = np.clip(best[:, None] + shares[:, None] * np.clip(step, -2.0, 2.0)[:, None], -BOUND, BOUND)
         score = _judge(readings, tried.reshape(-1, len(TERMS))).score.reshape(len(best), -1)
         best = tried[np.arange(len(best)), score.argmax(axis=1)]
-    last = _judge(readings, best)
+    last = _judge(readings, best) if turns else last
     at = int(last.score.argmax())
+    best = best if turns else starts
     odd = np.maximum(0.5 * (FREEDOM + 1.0) * np.log1p(last.rest[at]**2 / FREEDOM) - ORDINARY, 0.0) @ readings[0].weight
     surprise = odd + last.spread[at] + 0.5 * best[at] @ best[at] + sum(readings[0].unusual.values())
     return Fit(float(last.score[at]), float(surprise), best[at], last.rest[at],

@@ -19,6 +19,7 @@ RPM = math.pi / 30.0                  # definition
 # Definitions; in the order of how often people have them
 LENGTHS = {"feet": ("ft", 0.3048), "inches": ("in", 0.0254), "centimetres": ("cm", 0.01), "millimetres": ("mm", 1e-3),
            "metres": ("m", 1.0)}
+SMALL = {unit: LENGTHS[unit] for unit in LENGTHS if unit != "feet"}
 TURNS = {"revolutions per minute": ("rpm", RPM), "revolutions per second": ("rev_s", 2.0 * math.pi),
          "radians per second": ("rad_s", 1.0)}
 SPINS = {unit: (suffix, size / 2.0 / math.pi) for unit, (suffix, size) in TURNS.items()}
@@ -74,9 +75,9 @@ QUANTITIES = {
     "exit_spin_rev_s": Quantity(math.nan, 1.0, 1.0, "spin", SPINS, 0.3),
     SPIN_VECTOR[0]: Quantity(math.nan, 1.0, 1.0, "spin", SPINS, 0.3),
     "miss_height_m": Quantity(math.nan, 1.0, 1.0, "height", LENGTHS),
-    "ball.radius_m": Quantity(0.06, 0.7, 0.7, "radius", LENGTHS, 0.5),
+    "ball.radius_m": Quantity(0.06, 0.7, 0.7, "radius", SMALL, 0.5),
     "ball.mass_kg": Quantity(math.nan, 1.0, 1.0, "mass", MASSES, 0.5),
-    "launcher.wheel.radius_m": Quantity(0.05, 0.5, 0.5, "radius", LENGTHS, 0.5),
+    "launcher.wheel.radius_m": Quantity(0.05, 0.5, 0.5, "radius", SMALL, 0.5),
     "launcher.free_speed_rad_s": Quantity(600.0, 0.5, 0.5, "speed", TURNS, 0.2),
     "launcher.release_height_m": Quantity(0.7, 0.6, 0.6, "release", LENGTHS, 0.5),
     "target.centre_height_m": Quantity(2.0, 0.5, 0.5, "target", LENGTHS, 0.5),
@@ -86,7 +87,7 @@ QUANTITIES = {
     # of what is derived from these: rims by flights, wheels by their motors, heights by what the outcome allows
     "density": Quantity(90.0, 0.7, 1.5, "mass", {}),
     "speed": Quantity(10.0, 0.6, 0.6, "speed", {}),
-    "rim": Quantity(0.4, 1.2, 0.6, "spin", {}),
+    "rim": Quantity(0.4, 9.0, 0.6, "spin", {}),
     "motor": Quantity(1.0, 0.12, 0.12, "wheels", {}),
     "allowed": Quantity(1.0, 1.5, 0.25, "height", {}),
 }

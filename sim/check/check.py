@@ -17,7 +17,7 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, too_large
 from truearc.sim.check import believable
 from truearc.sim.check.believable import SCORES, Fit, Reading, explain, judged_shots, rows_of
-from truearc.sim.check.causes import LENGTHS, Flaw, causes, unusual, value_of
+from truearc.sim.check.causes import LENGTHS, Cause, Flaw, causes, unusual, value_of
 from truearc.sim.check.motion import jolts, measure_motion
 from truearc.sim.data.dataset import Dataset, Times
 from truearc.sim.data.table import SPIN_VECTOR
@@ -25,11 +25,14 @@ from truearc.sim.physics.simulate import by_wheels, has_wheels
 
 CHECKS = ("gravity", "axes", "bounce", "track-length", "track-shots", "speed", "hood", "mass", "radius", "reach", "air",
           "target", "noise", "wheels", "height", "release", "balls", "spin", "fit")
+DEBUG = False
 BETTER = math.log(1000.0)             # a slip is refused from here; chosen: one sound dataset in a thousand
 LIKELIER = 2.5                        # nats, from which it is warned of; chosen: twelve times as likely
 # Chosen: of sound rigs by the priors, one in twenty surprises by more than the first
-EXPECTED, REFUSED = 5.0, 7.0          # nats of surprise, from which slips are looked for, and refused
-PROMISING = 8                         # slips that are judged at their best believable physics; chosen: alike units are four
+EXPECTED, REFUSED, ODD = 5.5, 7.0, 12.0  # nats of surprise: slips are looked for, refused, and anything is warned of
+PROMISING, FEW = 6, 16                # slips that are judged at their best, and shots that tell them; chosen: to be quick
+SLACK = 8.0                           # nats by which a scatter may become more usual, too; chosen: a half of the scatter
+MIXED = 1.5                           # nats that another unit in some rows costs; chosen: as exchanged columns
 LONE = 10.0                           # standard deviations of a single row; chosen: chance once in 10^4 by Student's t
 CLOSE = 2.0                           # nats within which another cause is named, too; chosen: seven times as likely
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's; chosen: as scales err
@@ -117,23 +120,39 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
     known = explain([as_recorded])
     if known.surprise < EXPECTED:
         return
-    tried = []
-    for cause in causes(reading):
-        rows = rows_of(cause.undone, judged, unusual(cause.undone.dataset))
-        for readings, rare in (([rows], cause.rare), *([([as_recorded, rows], 1.5)] if cause.single else ())):
-            if rare < 90.0:
-                tried.append((explain(readings, [known.values], 1, 1).score - rare, len(tried), cause, readings, rare))
+    # the shots that are farthest off, and as many others, tell which slips are promising
+    odd = np.argsort(-np.abs(known.rest[:len(judged)]))[:FEW // 2]
+    few = judged[np.unique(np.append(odd, np.linspace(0, len(judged) - 1, min(FEW, len(judged))).astype(int)))]
+    as_few = rows_of(reading, few, unusual(reading.dataset), rough=True)
+    stated = sum(as_few.unusual.values())
+    every = [(stated + MIXED if some else sum(unusual(cause.undone.dataset).values()) + cause.rare, place, cause, some)
+             for place, cause in enumerate(causes(reading)) for some in ((False, True) if cause.single else (False,))]
+    tried: list[tuple[float, int, Cause, bool]] = []
+    best = as_recorded_few = explain([as_few], [known.values], 0).score
+    for unlikely, place, cause, some in sorted(every, key=lambda one: one[:2]):
+        # even where it explained all else, it would not be the best
+        if unlikely > known.surprise - (best - as_recorded_few) + SLACK:
+            break
+        rows = rows_of(cause.undone, few, unusual(cause.undone.dataset), rough=True)
+        score = explain([as_few, rows] if some else [rows], [known.values], 0).score - (MIXED if some else cause.rare)
+        tried.append((score, -place, cause, some))
+        best = max(best, score)
+    tried = sorted(tried, reverse=True, key=lambda one: one[:2])[:PROMISING]
     found: list[tuple[float, int, Flaw]] = []
-    for _, place, cause, readings, rare in sorted(tried, reverse=True)[:PROMISING]:
-        fit, flaw = explain(readings, [known.values]), cause.flaw
-        if len(readings) > 1:
+    dbg=[]
+    for _, place, cause, some in tried:
+        rows, flaw = rows_of(cause.undone, judged, unusual(cause.undone.dataset)), cause.flaw
+        fit = explain([as_recorded, rows] if some else [rows], [known.values])
+        if some:
             if not len(fit.otherwise):
                 continue
             ids = [reading.dataset.shots.shot_id[row] for row in fit.otherwise]
             flaw = flaw._replace(what=f"some rows look like {cause.single}, {len(ids)} of those judged: convert these: "
                                  + ", ".join(ids[:5]) + (", ..." if len(ids) > 5 else ""))
-        found.append((fit.score - known.score - rare, -place, flaw))
+        dbg.append((fit.score-known.score,0,flaw,fit.values.round(1)))
+        found.append((fit.score - known.score - (MIXED if some else cause.rare), place, flaw))
     found.sort(reverse=True)
+    if DEBUG: print(f'{known.surprise:.1f}', known.values.round(1), *[(round(a,1),f.what[:60],v) for a,_,f,v in dbg], sep='\n   ')
     gain, _, flaw = found[0] if found else (-math.inf, 0, Flaw("", "", ""))
     if gain > LIKELIER:
         others = [other.what.partition(":")[0] for score, _, other in found[1:3] if score > gain - CLOSE]
@@ -155,7 +174,7 @@ def _unexplained(reading: Reading, whose: np.ndarray, known: Fit) -> Iterator[Fl
         ids = ", ".join(shots.shot_id[row] for row in far[:5]) + (", ..." if len(far) > 5 else "")
         yield Flaw("fit", place, f"{len(far)} shots are far from what the others and believable physics say: {ids}; make "
                    "sure of these rows", warns=True)
-    elif known.surprise > REFUSED:
+    elif known.surprise > ODD:
         yield Flaw("fit", place, "no believable drag, lift, slip or hood explains these; make sure of units and angles",
                    warns=True)
 

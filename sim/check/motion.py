@@ -13,8 +13,8 @@ SAMPLES = 8                           # fewest of a track that is judged; chosen
 TRACKS = 3                            # fewest tracks that are judged; chosen: one slip does not decide a median
 MOST = 30                             # tracks that are measured; chosen: enough for units and axes, and quick
 # Chosen: drag on a light ball triples a change of speed; a hand, a floor or a wall makes it ten times as large
-KICK = 5.0                            # times its usual change of velocity in the same time
-JOLT = 0.3                            # and this share of its usual speed; chosen: a soft touch is left to the fit
+KICK = 4.0                            # times its usual change of velocity in the same time
+JOLT = 0.2                            # and this share of its usual speed; chosen: a soft touch is left to the fit
 WINDOW = 1.0 / 12.0                   # share of a track on either side, in which velocities are taken; chosen: five samples
 NOISES = 8.0                          # and so many standard deviations of noise; derived: chance once in 10^15
 DIFFERENCES = 20.0                    # variance of a third difference, by that of a sample; derived: 1 + 9 + 9 + 1
