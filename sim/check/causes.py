@@ -75,7 +75,7 @@ QUANTITIES = {
     "exit_spin_rev_s": Quantity(math.nan, 1.0, 1.0, "spin", SPINS, 0.3),
     SPIN_VECTOR[0]: Quantity(math.nan, 1.0, 1.0, "spin", SPINS, 0.3),
     "miss_height_m": Quantity(math.nan, 1.0, 1.0, "height", LENGTHS),
-    "ball.radius_m": Quantity(0.06, 0.7, 0.7, "radius", SMALL, 0.5),
+    "ball.radius_m": Quantity(0.045, 0.5, 0.7, "radius", SMALL, 0.5),
     "ball.mass_kg": Quantity(math.nan, 1.0, 1.0, "mass", MASSES, 0.5),
     "launcher.wheel.radius_m": Quantity(0.05, 0.5, 0.5, "radius", SMALL, 0.5),
     "launcher.free_speed_rad_s": Quantity(600.0, 0.5, 0.5, "speed", TURNS, 0.2),

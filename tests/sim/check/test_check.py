@@ -15,7 +15,8 @@ from tests.sim.check.foam import GEARED, WHEELS, ball, by_motor, faster, numbers
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Tracker, Wheel
-from truearc.sim.check.check import check_plausible, needed_speed
+from truearc.sim.check.believable import needed_speed
+from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import load_dataset, save_dataset
 from truearc.sim.infer.belief import point_belief

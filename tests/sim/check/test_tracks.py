@@ -13,7 +13,7 @@ import truearc as ta
 from tests.sim.check.foam import RIG, fly, numbers, scaled, tracks
 from truearc.errors import InputError
 from truearc.sim.check.check import check_plausible
-from truearc.sim.check.tracks import measure_motion
+from truearc.sim.check.motion import measure_motion
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 
 
