@@ -126,6 +126,8 @@ def _draw(rng: np.random.Generator, seed: int) -> Dataset | None:
     elif kind == "motor":
         free_rad_s = float(rng.choice([5500.0, 6000.0, 6380.0]) * RPM)
         free_rad_s = max(free_rad_s, 1.05 * float(lower.max()) / gear)
+        if free_rad_s > 1500.0:       # 14,000 rpm
+            return None
         numbers |= {"motor_ratio": lower / gear / free_rad_s}
     else:
         numbers |= {"exit_speed_m_s": flown * np.exp(0.02 * rng.standard_normal(n)),

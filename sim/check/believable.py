@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.robot.config.rig_spec import Rig
 from truearc.sim.check.motion import Motion
 from truearc.sim.data.dataset import Dataset, Floats
 from truearc.sim.physics.catalogue import catalogue
@@ -167,19 +166,20 @@ def _priors() -> tuple[Floats, Floats]:
     return np.array([to_scale(one.scale, one.centre) for one in known]), np.array([one.sd for one in known])
 
 
-def _forces(rig: Rig, spin: Floats, speed: Floats) -> tuple[float, Floats]:
+def _forces(dataset: Dataset, rows: Any, spin: Floats, speed: Floats) -> tuple[Floats, Floats]:
     """Drag [1/m] and lift [1/s] for coefficients of 1; of a spin that is not known, of a usual one."""
-    ball, rho = rig.ball, rig.air.density_kg_m3
-    usual = LIFTING / 2.0 / math.pi / ball.radius_m * speed
-    per_rev = 16.0 / 3.0 * math.pi**2 * ball.radius_m**3 * rho / ball.mass_kg
-    return min(0.5 * math.pi * ball.radius_m**2 * rho / ball.mass_kg, 10.0), np.clip(
-        per_rev * np.where(np.isfinite(spin), spin, usual), -100.0, 100.0)
+    radius_m, mass_kg = (np.where(np.isfinite(own := dataset.shots.number(name)), own, rigs)[rows] for name, rigs in (
+        ("radius_m", dataset.rig.ball.radius_m), ("mass_kg", dataset.rig.ball.mass_kg)))
+    drag = np.pi * radius_m**2 * dataset.rig.air.density_kg_m3 / mass_kg
+    usual = LIFTING / 2.0 / np.pi / radius_m * speed
+    return np.minimum(0.5 * drag, 10.0), np.clip(
+        16.0 / 3.0 * np.pi * radius_m * drag * np.where(np.isfinite(spin), spin, usual), -100.0, 100.0)
 
 
 def _launched(dataset: Dataset) -> tuple[Floats, Floats]:
     """Speed and spin by the launcher; nan where they are not known."""
     state, nothing = launch_state(dataset.rig, dataset.shots), np.full(len(dataset.shots), np.nan)
-    return state.get("exit_speed_m_s", nothing), state.get("exit_spin_rev_s", nothing)
+    return state.get("exit_speed_m_s", nothing), state.get("exit_spin_rev_s", dataset.shots.number("exit_spin_rev_s"))
 
 
 def _left(theta: Floats, speed: Floats, measured: Any) -> Floats:
@@ -194,15 +194,14 @@ def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, 
     rig, shots, target = dataset.rig, dataset.shots, dataset.rig.target
     assert target is not None
     centre, sd = _priors()
-    height = shots.number("miss_height_m")[judged]
     half = np.where(np.array(shots.text("outcome"))[judged] == "three", target.three_half_height_m,
                     target.two_half_height_m)
     stated = rig.launcher.release_height_m
     low = sd[RISE] if stated else 0.3
-    rise = target.centre_height_m - (stated or UNSTATED_M) + np.nan_to_num(height)
+    rise = target.centre_height_m - (stated or UNSTATED_M)
     distance, angle = shots.number("distance_m")[judged], elevation_deg(dataset)[judged]
     speed, spin = (column[judged] for column in _launched(dataset))
-    drag, lift = _forces(rig, spin, speed)
+    drag, lift = _forces(dataset, judged, spin, speed)
     measured = ~by_wheels(shots)[judged]
 
     def need(theta: Floats, higher_m: Any = 0.0) -> Floats:
@@ -215,7 +214,7 @@ def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, 
         with np.errstate(invalid="ignore"):
             off = np.clip(_left(theta, speed, measured) - need(theta), -LOST, LOST)
         return off, np.full(off.shape, np.nan)
-    aimed = np.where(np.isfinite(height), 0.03, 0.4 * half)  # chosen: balls are aimed at the middle of the opening
+    aimed = 0.4 * half                # chosen: balls are aimed at the middle of the opening
     with np.errstate(invalid="ignore"):
         up, down = need(np.zeros((2, len(TERMS))), np.array([[0.5], [-0.5]]) * aimed)
     return residuals, np.clip(np.nan_to_num(np.abs(up - down), nan=0.02, posinf=0.02), 1e-4, 0.2)
@@ -226,18 +225,18 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
     rig, shots, g, own = dataset.rig, dataset.shots, dataset.rig.world.gravity_m_s2, motion.shot
     centre, sd = _priors()
     speed, spin = (column[own] for column in _launched(dataset))
-    drag, lift = _forces(rig, spin, np.linalg.norm(motion.start_m_s, axis=1))
+    drag, lift = _forces(dataset, own, spin, np.linalg.norm(motion.start_m_s, axis=1))
     size = np.linalg.norm(motion.velocity_m_s, axis=2, keepdims=True)
     up = np.cross(motion.velocity_m_s, np.cross([0.0, 0.0, 1.0], motion.velocity_m_s))
     up = up / np.maximum(np.linalg.norm(up, axis=2, keepdims=True), 1e-12) * size
-    slow, raised = -drag * (size * motion.velocity_m_s).mean(axis=1), lift[:, None] * up.mean(axis=1)
+    slow, raised = -drag[:, None] * (size * motion.velocity_m_s).mean(axis=1), lift[:, None] * up.mean(axis=1)
     place, first = motion.from_m, motion.start_m_s
     total = np.linalg.norm(first, axis=1)
     with np.errstate(all="ignore"):
         back = np.where(first[:, 0] > 0.1 * total, place[:, 0] / first[:, 0], np.nan)
         far, way = np.abs(place[:, 0]), motion.to_m - place
         stated = rig.launcher.release_height_m
-        fallen = 0.1 * g * np.nan_to_num(back)**2          # chosen: drag takes so much of a fall
+        fallen = 0.07 * g * np.nan_to_num(back)**2          # chosen: drag takes so much of a fall
         begins = place[:, 2] - first[:, 2] * back - 0.5 * g * back**2 - stated
         aside = np.degrees(np.arctan2(way[:, 1], way[:, 0]))
         begun = np.clip(np.nan_to_num(back), 0.0, 2.0)
@@ -245,11 +244,12 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
         longer = np.log(np.hypot(way[:, 0], way[:, 1]) / shots.number("distance_m")[own])
         faster = np.log(np.linalg.norm(first + np.outer(begun, [0.0, 0.0, g]), axis=1))
     unsure = np.hypot(motion.error_m_s2, 0.07 * np.linalg.norm(motion.bend_m_s2, axis=1) + 1e-12)
+    low = sd[RISE] if stated or rig.target else 3.0
     upright = bool((shots.number("hood_deg") > 85.0).any())
-    widths = np.array([*[unsure] * 3, (0.12 if stated or rig.target else 3.0) + 0.12 * far + fallen,
+    widths = np.array([*[unsure] * 3, 0.06 + 0.06 * far + fallen,
                        0.15 + 0.1 * far + 0.1 * np.abs(place[:, 2]), 0.2 + 0.05 * np.abs(place[:, 2]),
                        (180.0 if upright else 8.0) + 0.05 / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-9) * 57.3, 1.5 + far, 0.05 + 0.05 * far])
-    too_long = np.where(longer > 0.0, longer / 0.2, longer / 12.0)
+    too_long = np.where(longer > 0.0, longer / 0.2, longer / 1.5)
     known = np.isfinite(elevation_deg(dataset)[own]), speed > 0.0, np.isfinite(longer)
 
     def residuals(theta: Floats) -> tuple[Floats, Floats]:
@@ -261,7 +261,7 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
         angle = elevation_deg(dataset)[own] + sd[HOOD] * theta[:, [HOOD]] + 2.5 * theta[:, [TILT]] - rises
         quick = _left(theta, speed, ~by_wheels(shots)[own]) + 0.06 * theta[:, [SCALE]] - faster
         lanes = np.ones((len(theta), 1))
-        off = np.stack([*bend, begins + 0.044 * theta[:, [TILT]] * far, lanes * (place[:, 1] - first[:, 1] * back),
+        off = np.stack([*bend, begins + 0.044 * theta[:, [TILT]] * far + low * theta[:, [RISE]], lanes * (place[:, 1] - first[:, 1] * back),
                         lanes * np.minimum(place[:, 0], 0.0), lanes * aside,
                         np.where(known[0], angle, 0.0), np.where(known[1], quick, 0.0)], axis=1)
         off = np.where(np.isfinite(off), off, LOST * widths) / widths
@@ -343,3 +343,11 @@ def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 
     surprise = odd + last.spread[at] + 0.5 * best[at] @ best[at] + sum(readings[0].unusual.values())
     return Fit(float(last.score[at]), float(surprise), best[at], last.rest[at],
                np.unique(readings[0].whose[last.which[at] > 0]))
+
+
+def lifts_less(rows: Rows, known: Fit) -> float:
+    """By how many nats negative lift explains the rows better than none; 0 where lift is not negative."""
+    centre, sd = _priors()
+    none = known.values.copy()
+    none[CL] = -centre[CL] / sd[CL]
+    return float(known.score - _judge([rows], none[None]).score[0]) if known.values[CL] < none[CL] else 0.0

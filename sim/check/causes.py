@@ -26,7 +26,7 @@ SPINS = {unit: (suffix, size / 2.0 / math.pi) for unit, (suffix, size) in TURNS.
 SPEEDS = {"feet per second": ("ft_s", 0.3048), "miles per hour": ("mph", 0.44704),
           "kilometres per hour": ("km_h", 1.0 / 3.6), "metres per second": ("m_s", 1.0)}
 ANGLES = {"radians": ("rad", math.degrees(1.0)), "turns": ("", 360.0), "degrees": ("deg", 1.0)}
-MASSES = {"grams": ("g", 1e-3), "ounces": ("oz", 0.0283495), "pounds": ("lb", 0.45359), "kilograms": ("kg", 1.0)}
+MASSES = {"grams": ("g", 1e-3), "ounces": ("oz", 0.0283495), "kilograms": ("kg", 1.0)}
 RATES = (24.0, 25.0, 30.0, 50.0, 60.0, 90.0, 100.0, 120.0, 180.0, 200.0, 240.0, 300.0)          # of cameras
 TALLEST = 0.25                        # share of the target's height; chosen: heights from the floor scatter by less
 
@@ -44,12 +44,16 @@ class Flaw(NamedTuple):
 
 
 class Cause(NamedTuple):
-    """A slip: the data with it undone, how rare it is [nats], and what to call some rows alone that have it."""
+    """A slip: the data with it undone, how rare it is [nats], and what to call some rows alone that have it.
+
+    sure: how many times the usual evidence refuses it; inf: it may well be so, and is only warned of.
+    """
 
     flaw: Flaw
     undone: Reading
     rare: float
     single: str = ""
+    sure: float = 1.0
 
 
 class Quantity(NamedTuple):
@@ -89,14 +93,14 @@ QUANTITIES = {
     "speed": Quantity(10.0, 0.6, 0.6, "speed", {}),
     "rim": Quantity(0.4, 9.0, 0.6, "spin", {}),
     "motor": Quantity(1.0, 0.12, 0.12, "wheels", {}),
-    "allowed": Quantity(1.0, 1.5, 0.25, "height", {}),
+    "allowed": Quantity(1.0, 0.8, 0.2, "height", {}),
 }
 
 
 def sizes(dataset: Dataset) -> dict[str, float]:
     """The size of each quantity that a dataset has: the number in the rig, or the middle of a column."""
     rig, shots = dataset.rig, dataset.shots
-    found: dict[str, Any] = {"density": rig.ball.density_kg_m3}
+    found: dict[str, Any] = {"density": rig.ball.mass_kg / (4.0 / 3.0 * np.pi * np.float64(rig.ball.radius_m)**3)}
     for key in QUANTITIES:
         found[key] = found[key] if key in found else value_of(dataset, key) if "." in key else shots.number(key)
     speed = launch_state(rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan))
@@ -108,11 +112,13 @@ def sizes(dataset: Dataset) -> dict[str, float]:
         ratios = {f"motor of {wheel.name}": np.abs(shots.number(f"wheel_{wheel.name}_rad_s") / (motor * wheel.gear))
                   for wheel in rig.launcher.wheel}
     found |= {"speed": speed, **around, **ratios}
+    if rig.target is None:            # balls may be dropped from a tower
+        del found["launcher.release_height_m"]
     if rig.target is not None and np.isfinite(height := shots.number("miss_height_m")).sum() > 2:
         half = {"two": rig.target.two_half_height_m, "three": rig.target.three_half_height_m}
         allowed = np.array([half.get(word, 0.5) + 0.03 for word in shots.text("outcome")])
         most = float(np.sqrt(np.nanmean((height / allowed)**2)))
-        spread = float(np.nanstd(height / allowed))
+        spread = float(np.nanstd(height) / np.median(allowed))
         found["allowed"] = most if most > 1.0 or spread == 0.0 else spread
     return {key: size for key, value in found.items() if np.isfinite(value).any()
             and (size := float(np.nanmedian(np.abs(value)))) > 0.0}
@@ -123,7 +129,7 @@ def unusual(dataset: Dataset) -> dict[str, float]:
     found = {}
     for key, size in sizes(dataset).items():
         about = QUANTITIES[key.partition(" of")[0]]
-        off = math.log(max(size, 1e-12) / about.usual) if not math.isnan(about.usual) else 0.0
+        off = math.log(min(max(size, 1e-12), 1e12) / about.usual) if not math.isnan(about.usual) else 0.0
         found[key] = min(0.5 * (off / (about.below if off < 0.0 else about.above))**2, 100.0)
     return found
 
@@ -191,7 +197,7 @@ def _units(reading: Reading, names: list[str], about: Quantity) -> Iterator[Caus
         if unit == read:
             continue
         undone = with_numbers(reading, **{name: shots.number(name) * by for name in names})
-        rename = f"rename the column to {stem}_{suffix}" if suffix else f"multiply them by {factor:g}"
+        rename = f"rename {'each' if len(names) > 1 else 'the column'} to {stem}_{suffix}" if suffix else f"multiply them by {factor:g}"
         rename += f" or multiply it by {factor:.3g}" if unit == "radians" else ""
         # a column says its unit or, in metres, has it by default
         yield Cause(Flaw(about.check, place, f"these look like {unit}: {rename}"), undone,
@@ -215,7 +221,7 @@ def _from_floor(undone: Reading, unit: str, by: float, suffix: str) -> Iterator[
         yield Cause(Flaw("height", f"{dataset.shots.source}: miss_height_m", f"these look like heights above the floor in "
                          f"{unit}: subtract that of the target's centre, {target.centre_height_m / by:.4g}"
                          + (f", and rename the column to miss_height_{suffix}" if suffix else "")),
-                    with_numbers(undone, miss_height_m=height), 1.0)
+                    with_numbers(undone, miss_height_m=height), 0.7)
 
 
 def _angles(reading: Reading, known: set[str], turning: list[str]) -> Iterator[Cause]:
@@ -233,11 +239,7 @@ def _angles(reading: Reading, known: set[str], turning: list[str]) -> Iterator[C
     if "distance_m" in known:
         yield Cause(Flaw("track-length", f"{shots.source}: distance_m", "make sure that it is not half of the distance "
                          "from the exit to the target's side"),
-                    with_numbers(reading, distance_m=2.0 * shots.number("distance_m")), 3.5)
-    if "exit_spin_rev_s" in known:
-        yield Cause(Flaw("spin", f"{shots.source}: exit_spin_rev_s", "these look like topspin; backspin, which lifts, is "
-                         "positive: if this is topspin, multiply it by -1"),
-                    with_numbers(reading, exit_spin_rev_s=-shots.number("exit_spin_rev_s")), 2.0)
+                    with_numbers(reading, distance_m=2.0 * shots.number("distance_m")), 3.5, sure=math.inf)
 
 
 def _parts(reading: Reading, turning: list[str], by_ratio: bool) -> Iterator[Cause]:
@@ -248,7 +250,7 @@ def _parts(reading: Reading, turning: list[str], by_ratio: bool) -> Iterator[Cau
         for by, what, rare in ((0.5, "the diameter, given as the radius", 0.5), (2.0, "half of the radius", 3.0)):
             yield Cause(Flaw("radius", f"rig.toml: {key}", f"this looks like {what}: "
                              f"{value_of(reading.dataset, key) * by:.3g} m"),
-                        _with_rig(reading, key, lambda old, by=by: old * by), rare)
+                        _with_rig(reading, key, lambda old, by=by: old * by), rare, sure=4.0)
     if all(wheel.gear in (0.0, 1.0, -1.0) for wheel in launcher.wheel):
         return
     if turning:

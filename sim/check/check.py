@@ -15,28 +15,27 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, too_large
-from truearc.sim.check import believable
-from truearc.sim.check.believable import SCORES, Fit, Reading, explain, judged_shots, rows_of
+from truearc.sim.check.believable import SCORES, Fit, Reading, Rows, explain, judged_shots, lifts_less, rows_of
 from truearc.sim.check.causes import LENGTHS, Cause, Flaw, causes, unusual, value_of
 from truearc.sim.check.motion import jolts, measure_motion
 from truearc.sim.data.dataset import Dataset, Times
 from truearc.sim.data.table import SPIN_VECTOR
-from truearc.sim.physics.simulate import by_wheels, has_wheels
+from truearc.sim.physics.simulate import has_wheels
 
 CHECKS = ("gravity", "axes", "bounce", "track-length", "track-shots", "speed", "hood", "mass", "radius", "reach", "air",
           "target", "noise", "wheels", "height", "release", "balls", "spin", "fit")
-DEBUG = False
 BETTER = math.log(1000.0)             # a slip is refused from here; chosen: one sound dataset in a thousand
-LIKELIER = 2.5                        # nats, from which it is warned of; chosen: twelve times as likely
+LIKELIER = 1.5                        # nats, from which it is warned of; chosen: four times as likely
 # Chosen: of sound rigs by the priors, one in twenty surprises by more than the first
-EXPECTED, REFUSED, ODD = 5.5, 7.0, 12.0  # nats of surprise: slips are looked for, refused, and anything is warned of
+EXPECTED, REFUSED, ODD = 5.5, 7.0, 10.0  # nats of surprise: slips are looked for, refused, and anything is warned of
+PRESSED = 2.0                         # nats by which lift is negative, from which it is said; chosen: smooth balls may
 PROMISING, FEW = 6, 16                # slips that are judged at their best, and shots that tell them; chosen: to be quick
 SLACK = 8.0                           # nats by which a scatter may become more usual, too; chosen: a half of the scatter
 MIXED = 1.5                           # nats that another unit in some rows costs; chosen: as exchanged columns
 LONE = 10.0                           # standard deviations of a single row; chosen: chance once in 10^4 by Student's t
 CLOSE = 2.0                           # nats within which another cause is named, too; chosen: seven times as likely
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's; chosen: as scales err
-LIGHTEST_KG_M3, LIGHT_KG_M3 = 3.0, 12.0  # of a ball: below are balloons, and below the radius may be the diameter
+LIGHTEST_KG_M3, LIGHT_KG_M3 = 3.0, 18.0  # of a ball: below are balloons, and below the radius may be the diameter
 HEAVY_KG_M3 = 1500.0                  # above this the mass may be in ounces; a bowling ball has 1400, a golf ball 1150
 OUNCE_KG = 0.0283495                  # definition
 THIN_KG_M3, WEAKEST_M_S2 = 0.5, 1.2   # air at 8 km (ICAO 1993), and gravity below the Moon's: not on Earth
@@ -105,7 +104,8 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
     sound = dataset.tracks is not None and all(flaw.warns for flaw in unmeasured)
     motion = measure_motion(dataset.tracks, frozenset(shot for shot, *_ in touched)) if sound else None
     stated = list(_stated(dataset))
-    likely = list(_judged(Reading(dataset, motion)))
+    elsewhere = any(flaw.check in ("gravity", "air") and not flaw.warns for flaw in stated)
+    likely = [] if elsewhere else list(_judged(Reading(dataset, motion)))
     places = {flaw.place for flaw in likely}
     yield from likely
     yield from (flaw for flaw in stated if flaw.place not in places)
@@ -118,6 +118,7 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
     judged = judged_shots(reading.dataset)
     as_recorded = rows_of(reading, judged, unusual(reading.dataset))
     known = explain([as_recorded])
+    yield from _topspin(reading, as_recorded, known)
     if known.surprise < EXPECTED:
         return
     # the shots that are farthest off, and as many others, tell which slips are promising
@@ -134,35 +135,40 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
         if unlikely > known.surprise - (best - as_recorded_few) + SLACK:
             break
         rows = rows_of(cause.undone, few, unusual(cause.undone.dataset), rough=True)
-        score = explain([as_few, rows] if some else [rows], [known.values], 0).score - (MIXED if some else cause.rare)
+        score = explain([as_few, rows] if some else [rows], [known.values], 1, 1).score - (MIXED if some else cause.rare)
         tried.append((score, -place, cause, some))
         best = max(best, score)
     tried = sorted(tried, reverse=True, key=lambda one: one[:2])[:PROMISING]
-    found: list[tuple[float, int, Flaw]] = []
-    dbg=[]
+    found: list[tuple[float, float, Flaw]] = []
     for _, place, cause, some in tried:
         rows, flaw = rows_of(cause.undone, judged, unusual(cause.undone.dataset)), cause.flaw
         fit = explain([as_recorded, rows] if some else [rows], [known.values])
         if some:
-            if not len(fit.otherwise):
+            if len(fit.otherwise) < (2 if cause.undone.dataset is not reading.dataset else 1):
                 continue
             ids = [reading.dataset.shots.shot_id[row] for row in fit.otherwise]
-            flaw = flaw._replace(what=f"some rows look like {cause.single}, {len(ids)} of those judged: convert these: "
+            flaw = flaw._replace(what=f"{len(ids)} of {len(set(as_recorded.whose))} judged look like {cause.single}: convert these: "
                                  + ", ".join(ids[:5]) + (", ..." if len(ids) > 5 else ""))
-        dbg.append((fit.score-known.score,0,flaw,fit.values.round(1)))
-        found.append((fit.score - known.score - (MIXED if some else cause.rare), place, flaw))
+        found.append((fit.score - known.score - (MIXED if some else cause.rare), cause.sure, flaw))
     found.sort(reverse=True)
-    if DEBUG: print(f'{known.surprise:.1f}', known.values.round(1), *[(round(a,1),f.what[:60],v) for a,_,f,v in dbg], sep='\n   ')
-    gain, _, flaw = found[0] if found else (-math.inf, 0, Flaw("", "", ""))
+    gain, sure, flaw = found[0] if found else (-math.inf, 1.0, Flaw("", "", ""))
     if gain > LIKELIER:
         others = [other.what.partition(":")[0] for score, _, other in found[1:3] if score > gain - CLOSE]
         what = flaw.what + (f"; or another: {'; '.join(others)}" if others else "")
-        if gain > BETTER and known.surprise > REFUSED:
+        if gain > BETTER * sure and known.surprise > REFUSED:
             yield flaw._replace(what=f"{what}; the data are then 10^{gain / math.log(10.0):.0f} times as likely")
         else:
             yield flaw._replace(what=f"{what}; make sure that this is not so, for the data are then likelier", warns=True)
     else:
         yield from _unexplained(reading, as_recorded.whose, known)
+
+
+def _topspin(reading: Reading, rows: Rows, known: Fit) -> Iterator[Flaw]:
+    """Backspin lifts; what is stated as backspin and surely presses balls down may be topspin."""
+    spin = reading.dataset.shots.number("exit_spin_rev_s")
+    if reading.motion is not None and np.isfinite(spin).any() and lifts_less(rows, known) > PRESSED:
+        yield Flaw("spin", f"{reading.dataset.shots.source}: exit_spin_rev_s", "the more of it, the faster balls fall; "
+                   "backspin, which lifts, is positive: if this is topspin, multiply it by -1", warns=True)
 
 
 def _unexplained(reading: Reading, whose: np.ndarray, known: Fit) -> Iterator[Flaw]:
@@ -207,7 +213,8 @@ def _stated(dataset: Dataset) -> Iterator[Flaw]:
     """What is likely not meant so, whatever the physics."""
     rig, shots = dataset.rig, dataset.shots
     for key, what in too_large(rig):
-        if (check := OF_KEY.get(key, key.partition(".")[0])) in CHECKS:
+        check = OF_KEY.get(key, key.partition(".")[0])
+        if check in CHECKS and (check != "release" or rig.target is not None):            # others drop balls from towers
             yield Flaw(check, f"rig.toml: {key}", what)
     for key, least, usual in (("world.gravity_m_s2", WEAKEST_M_S2, "gravity on Earth is 9.81"),
                               ("air.density_kg_m3", THIN_KG_M3, "air at sea level has 1.2")):
