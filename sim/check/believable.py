@@ -35,6 +35,7 @@ ROUGH = 4, 2                          # the same for a first look; chosen: 3 % i
 SHOTS = 50                            # most that are judged; chosen: enough for units, and quick
 FULL = 25.0                           # rows of shots that count fully: more err alike; chosen: drag laws differ by per cents
 ORDINARY = 1.5                        # nats that a row may cost: more is a surprise; derived: 1.6 standard deviations
+BALLS = 0.3                           # by which drags of other balls differ; source: Achenbach 1972, smooth to rough
 UNLINKED = 3.0                        # times as far do tracks of other shots agree with a shot; chosen: as hoods differ
 MIXED = 3.0                           # nats that another unit in one row costs; derived: one row in twenty, ln 20
 SCORES = 6                            # fewest shots that are judged; chosen: twice the numbers that they may fix
@@ -69,10 +70,12 @@ class Rows(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """Score and surprise [nats]; parameters [p]; residuals [n] in standard deviations; shots that are read otherwise."""
+    """Score [nats]; by how much it is lower than usual, and than at best; parameters [p]; residuals [n] in standard
+    deviations; shots that are read otherwise."""
 
     score: float
     surprise: float
+    lower: float
     values: Floats
     rest: Floats
     otherwise: Int[np.ndarray, " k"]
@@ -172,8 +175,10 @@ def _forces(dataset: Dataset, rows: Any, spin: Floats, speed: Floats) -> tuple[F
         ("radius_m", dataset.rig.ball.radius_m), ("mass_kg", dataset.rig.ball.mass_kg)))
     drag = np.pi * radius_m**2 * dataset.rig.air.density_kg_m3 / mass_kg
     usual = LIFTING / 2.0 / np.pi / radius_m * speed
+    measured = np.isfinite(dataset.shots.number("exit_spin_rev_s")[rows])      # wheels give a little more than they tell
+    turned = np.where(measured | (np.abs(spin) > 0.5 * usual), spin, 0.5 * usual)
     return np.minimum(0.5 * drag, 10.0), np.clip(
-        16.0 / 3.0 * np.pi * radius_m * drag * np.where(np.isfinite(spin), spin, usual), -100.0, 100.0)
+        16.0 / 3.0 * np.pi * radius_m * drag * turned, -100.0, 100.0)
 
 
 def _launched(dataset: Dataset) -> tuple[Floats, Floats]:
@@ -244,8 +249,10 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
         longer = np.log(np.hypot(way[:, 0], way[:, 1]) / shots.number("distance_m")[own])
         faster = np.log(np.linalg.norm(first + np.outer(begun, [0.0, 0.0, g]), axis=1))
     unsure = np.hypot(motion.error_m_s2, 0.07 * np.linalg.norm(motion.bend_m_s2, axis=1) + 1e-12)
+    if np.isfinite(shots.number("mass_kg")).any():           # each ball has drag of its own
+        unsure = np.hypot(unsure, BALLS * np.linalg.norm(slow, axis=1))
     low = sd[RISE] if stated or rig.target else 3.0
-    upright = bool((shots.number("hood_deg") > 85.0).any())
+    upright = np.median(np.hypot(way[:, 0], way[:, 1])) < 0.2 * np.median(np.abs(way[:, 2]))      # dropped, or nearly so
     widths = np.array([*[unsure] * 3, 0.06 + 0.06 * far + fallen,
                        0.15 + 0.1 * far + 0.1 * np.abs(place[:, 2]), 0.2 + 0.05 * np.abs(place[:, 2]),
                        (180.0 if upright else 8.0) + 0.05 / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-9) * 57.3, 1.5 + far, 0.05 + 0.05 * far])
@@ -264,7 +271,7 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
         off = np.stack([*bend, begins + 0.044 * theta[:, [TILT]] * far + low * theta[:, [RISE]], lanes * (place[:, 1] - first[:, 1] * back),
                         lanes * np.minimum(place[:, 0], 0.0), lanes * aside,
                         np.where(known[0], angle, 0.0), np.where(known[1], quick, 0.0)], axis=1)
-        off = np.where(np.isfinite(off), off, LOST * widths) / widths
+        off = np.where(np.isfinite(off), off, 0.0 if upright else LOST * widths) / widths
         off = np.concatenate([off, (lanes * np.where(known[2], too_long, 0.0))[:, None]], axis=1)
         widen = np.ones_like(off)
         widen[:, 7:] = UNLINKED if motion.unlinked else 1.0
@@ -339,9 +346,10 @@ def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 
     last = _judge(readings, best) if turns else last
     at = int(last.score.argmax())
     best = best if turns else starts
-    odd = np.maximum(0.5 * (FREEDOM + 1.0) * np.log1p(last.rest[at]**2 / FREEDOM) - ORDINARY, 0.0) @ readings[0].weight
-    surprise = odd + last.spread[at] + 0.5 * best[at] @ best[at] + sum(readings[0].unusual.values())
-    return Fit(float(last.score[at]), float(surprise), best[at], last.rest[at],
+    each = 0.5 * (FREEDOM + 1.0) * np.log1p(last.rest[at]**2 / FREEDOM)
+    common = last.spread[at] + 0.5 * best[at] @ best[at] + sum(readings[0].unusual.values())
+    return Fit(float(last.score[at]), float(np.maximum(each - ORDINARY, 0.0) @ readings[0].weight + common),
+               float(each @ readings[0].weight + common), best[at], last.rest[at],
                np.unique(readings[0].whose[last.which[at] > 0]))
 
 

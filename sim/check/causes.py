@@ -26,7 +26,7 @@ SPINS = {unit: (suffix, size / 2.0 / math.pi) for unit, (suffix, size) in TURNS.
 SPEEDS = {"feet per second": ("ft_s", 0.3048), "miles per hour": ("mph", 0.44704),
           "kilometres per hour": ("km_h", 1.0 / 3.6), "metres per second": ("m_s", 1.0)}
 ANGLES = {"radians": ("rad", math.degrees(1.0)), "turns": ("", 360.0), "degrees": ("deg", 1.0)}
-MASSES = {"grams": ("g", 1e-3), "ounces": ("oz", 0.0283495), "kilograms": ("kg", 1.0)}
+MASSES = {"grams": ("g", 1e-3), "kilograms": ("kg", 1.0)}
 RATES = (24.0, 25.0, 30.0, 50.0, 60.0, 90.0, 100.0, 120.0, 180.0, 200.0, 240.0, 300.0)          # of cameras
 TALLEST = 0.25                        # share of the target's height; chosen: heights from the floor scatter by less
 
@@ -89,7 +89,7 @@ QUANTITIES = {
     "air.density_kg_m3": Quantity(1.2, 0.2, 0.15, "air", {}),
     "world.gravity_m_s2": Quantity(9.81, 0.5, 0.4, "gravity", {}),
     # of what is derived from these: rims by flights, wheels by their motors, heights by what the outcome allows
-    "density": Quantity(90.0, 0.7, 1.5, "mass", {}),
+    "density": Quantity(90.0, 0.85, 1.5, "mass", {}),
     "speed": Quantity(10.0, 0.6, 0.6, "speed", {}),
     "rim": Quantity(0.4, 9.0, 0.6, "spin", {}),
     "motor": Quantity(1.0, 0.12, 0.12, "wheels", {}),
@@ -119,7 +119,8 @@ def sizes(dataset: Dataset) -> dict[str, float]:
         allowed = np.array([half.get(word, 0.5) + 0.03 for word in shots.text("outcome")])
         most = float(np.sqrt(np.nanmean((height / allowed)**2)))
         spread = float(np.nanstd(height) / np.median(allowed))
-        found["allowed"] = most if most > 1.0 or spread == 0.0 else spread
+        aside = abs(float(np.nanmedian(height))) / np.nanstd(height) / 3.0 if spread > 1e-9 * most else 0.0
+        found["allowed"] = max(most, 1.0) * max(aside, 1.0) if max(most, aside) > 1.0 or aside == 0.0 else spread
     return {key: size for key, value in found.items() if np.isfinite(value).any()
             and (size := float(np.nanmedian(np.abs(value)))) > 0.0}
 

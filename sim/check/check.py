@@ -27,7 +27,7 @@ CHECKS = ("gravity", "axes", "bounce", "track-length", "track-shots", "speed", "
 BETTER = math.log(1000.0)             # a slip is refused from here; chosen: one sound dataset in a thousand
 LIKELIER = 1.5                        # nats, from which it is warned of; chosen: four times as likely
 # Chosen: of sound rigs by the priors, one in twenty surprises by more than the first
-EXPECTED, REFUSED, ODD = 5.5, 7.0, 10.0  # nats of surprise: slips are looked for, refused, and anything is warned of
+EXPECTED, REFUSED, ODD = 5.2, 7.0, 10.0  # nats of surprise: slips are looked for, refused, and anything is warned of
 PRESSED = 2.0                         # nats by which lift is negative, from which it is said; chosen: smooth balls may
 PROMISING, FEW = 6, 16                # slips that are judged at their best, and shots that tell them; chosen: to be quick
 SLACK = 8.0                           # nats by which a scatter may become more usual, too; chosen: a half of the scatter
@@ -132,7 +132,7 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
     best = as_recorded_few = explain([as_few], [known.values], 0).score
     for unlikely, place, cause, some in sorted(every, key=lambda one: one[:2]):
         # even where it explained all else, it would not be the best
-        if unlikely > known.surprise - (best - as_recorded_few) + SLACK:
+        if unlikely > known.lower - (best - as_recorded_few) + SLACK:
             break
         rows = rows_of(cause.undone, few, unusual(cause.undone.dataset), rough=True)
         score = explain([as_few, rows] if some else [rows], [known.values], 1, 1).score - (MIXED if some else cause.rare)

@@ -77,7 +77,9 @@ def _sampled(tracks: Tracks) -> Iterator[tuple[int, Floats, Float[np.ndarray, "n
 
 def jolts(tracks: Tracks) -> Iterator[tuple[int, float, bool]]:
     """Shot, time and whether it is at the start, where a velocity changes at once, as no force of the air does it."""
-    for shot, t_s, places in _sampled(tracks):
+    for shot, t_s, seen in _sampled(tracks):
+        places = np.median([seen[:-2], seen[1:-1], seen[2:]], axis=0)          # one stray sample is no jolt
+        t_s = t_s[1:-1]
         span = max(round(WINDOW * len(t_s)), 2)
         slope = (places[span:] - places[:-span]) / (t_s[span:] - t_s[:-span])[:, None]
         change = np.linalg.norm(slope[span:] - slope[:-span], axis=1)

@@ -75,7 +75,7 @@ def test_a_spin_without_a_part_is_refused_and_so_are_revolutions_per_minute(tmp_
     dataset = tracked(np.full((12, 3), 4.0), launched=True)
     numbers = dict(dataset.shots.numbers)
     fast = {name: 60.0 * column if "spin" in name else column for name, column in numbers.items()}
-    with pytest.raises(ta.InputError, match="rename the column to exit_spin_x_rpm"):
+    with pytest.raises(ta.InputError, match="rename each to exit_spin_x_rpm"):
         check_plausible(Dataset("rpm", RIG, Shots(dataset.shots.shot_id, fast, {}), dataset.tracks))
     check_plausible(dataset)
     del numbers["exit_spin_z_rev_s"]
