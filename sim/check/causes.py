@@ -120,7 +120,8 @@ def sizes(dataset: Dataset) -> dict[str, float]:
         most = float(np.sqrt(np.nanmean((height / allowed)**2)))
         spread = float(np.nanstd(height) / np.median(allowed))
         aside = abs(float(np.nanmedian(height))) / np.nanstd(height) / 3.0 if spread > 1e-9 * most else 0.0
-        found["allowed"] = max(most, 1.0) * max(aside, 1.0) if max(most, aside) > 1.0 or aside == 0.0 else spread
+        found["allowed"] = most if aside == 0.0 else (
+            max(most, 1.0) * max(aside, 1.0) if max(most, aside) > 1.0 else spread)
     return {key: size for key, value in found.items() if np.isfinite(value).any()
             and (size := float(np.nanmedian(np.abs(value)))) > 0.0}
 
@@ -248,7 +249,7 @@ def _parts(reading: Reading, turning: list[str], by_ratio: bool) -> Iterator[Cau
     launcher, shots = reading.dataset.rig.launcher, reading.dataset.shots
     moving = bool(turning or by_ratio) and "exit_speed_m_s" not in shots.numbers
     for key in ("ball.radius_m", *(["launcher.wheel.radius_m"] if moving else [])):
-        for by, what, rare in ((0.5, "the diameter, given as the radius", 0.5), (2.0, "half of the radius", 3.0)):
+        for by, what, rare in ((0.5, "the diameter, given as the radius", 1.2), (2.0, "half of the radius", 3.0)):
             yield Cause(Flaw("radius", f"rig.toml: {key}", f"this looks like {what}: "
                              f"{value_of(reading.dataset, key) * by:.3g} m"),
                         _with_rig(reading, key, lambda old, by=by: old * by), rare, sure=4.0)

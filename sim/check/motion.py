@@ -12,8 +12,8 @@ from truearc.sim.data.dataset import Floats, Tracks
 SAMPLES = 8                           # fewest of a track that is judged; chosen: twice the numbers of a cubic
 TRACKS = 3                            # fewest tracks that are judged; chosen: one slip does not decide a median
 MOST = 30                             # tracks that are measured; chosen: enough for units and axes, and quick
-# Chosen: drag on a light ball triples a change of speed; a hand, a floor or a wall makes it ten times as large
-KICK = 4.0                            # times its usual change of velocity in the same time
+# Chosen: drag on a light ball doubles a change of speed; a hand, a floor or a wall makes it many times as large
+KICK = 3.2                            # times its usual change of velocity in the same time
 JOLT = 0.2                            # and this share of its usual speed; chosen: a soft touch is left to the fit
 WINDOW = 1.0 / 12.0                   # share of a track on either side, in which velocities are taken; chosen: five samples
 NOISES = 8.0                          # and so many standard deviations of noise; derived: chance once in 10^15
@@ -87,4 +87,5 @@ def jolts(tracks: Tracks) -> Iterator[tuple[int, float, bool]]:
         at = int(change.argmax())
         if change[at] > max(KICK * np.median(change), JOLT * np.median(np.linalg.norm(slope, axis=1)),
                             NOISES * noise_m * 2.0 / np.median(t_s[span:] - t_s[:-span])):
-            yield shot, float(t_s[at + span]), at + span < len(t_s) / 3
+            early = at + span < len(t_s) / 3
+            yield shot, float(t_s[at + (2 if early else 1) * span]), early
