@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 
 from truearc.sim.check.motion import Motion
 from truearc.sim.data.dataset import Dataset, Floats
@@ -33,7 +33,7 @@ SLIPS = 0.6                           # most that wheels slip by their speed, of
 STEPS, TURNS = 8, 3                   # of a flight, and of the search for its speed; chosen: 1 % in speed
 ROUGH = 4, 2                          # the same for a first look; chosen: 3 % in speed
 SHOTS = 50                            # most that are judged; chosen: enough for units, and quick
-FULL = 25.0                           # rows of shots that count fully: more err alike; chosen: drag laws differ by per cents
+FULL = 25.0                           # shots that count fully: more err alike; chosen: drag laws differ by per cents
 ORDINARY = 1.5                        # nats that a row may cost: more is a surprise; derived: 1.6 standard deviations
 BALLS = 0.3                           # by which drags of other balls differ; source: Achenbach 1972, smooth to rough
 UNLINKED = 3.0                        # times as far do tracks of other shots agree with a shot; chosen: as hoods differ
@@ -121,7 +121,7 @@ def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: floa
 
 
 def judged_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
-    """Shots whose height at the target is known, by outcome or by measurement, with a distance, an angle and a speed."""
+    """Shots that reached the target, by outcome or by measurement, with a distance, an angle and a speed."""
     shots, target = dataset.shots, dataset.rig.target
     heights = shots.number("miss_height_m")
     scored = np.isin(shots.text("outcome"), ("two", "three"))
@@ -131,13 +131,13 @@ def judged_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
     rows = np.flatnonzero(scored & np.isfinite(shots.number("distance_m") + elevation_deg(dataset) + speed))
     if target is None or len(rows) < SCORES:
         return rows[:0]
-    return rows[np.linspace(0, len(rows) - 1, min(SHOTS, len(rows))).astype(int)]
+    return np.asarray(rows[np.linspace(0, len(rows) - 1, min(SHOTS, len(rows))).astype(int)])
 
 
 def elevation_deg(dataset: Dataset) -> Floats:
     """Of each shot: as measured, else by its hood."""
     seen = dataset.shots.number("exit_deg")
-    return np.where(np.isfinite(seen), seen, dataset.shots.number("hood_deg"))
+    return np.asarray(np.where(np.isfinite(seen), seen, dataset.shots.number("hood_deg")))
 
 
 def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: dict[str, float], rough: bool = False) -> Rows:
@@ -165,7 +165,7 @@ def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: dict[str, 
 @cache
 def _priors() -> tuple[Floats, Floats]:
     """Centre and standard deviation of each term's amplitude, on its scale."""
-    known = [prior for name in TERMS if (prior := catalogue().get(name).amplitude.prior) is not None]
+    known = [term.amplitude.prior for name in TERMS if (term := catalogue().get(name)) and term.amplitude.prior]
     return np.array([to_scale(one.scale, one.centre) for one in known]), np.array([one.sd for one in known])
 
 
@@ -175,7 +175,8 @@ def _forces(dataset: Dataset, rows: Any, spin: Floats, speed: Floats) -> tuple[F
         ("radius_m", dataset.rig.ball.radius_m), ("mass_kg", dataset.rig.ball.mass_kg)))
     drag = np.pi * radius_m**2 * dataset.rig.air.density_kg_m3 / mass_kg
     usual = LIFTING / 2.0 / np.pi / radius_m * speed
-    measured = np.isfinite(dataset.shots.number("exit_spin_rev_s")[rows])      # wheels give a little more than they tell
+    # wheels give a ball a little more spin than they tell
+    measured = np.isfinite(dataset.shots.number("exit_spin_rev_s")[rows])
     turned = np.where(measured | (np.abs(spin) > 0.5 * usual), spin, 0.5 * usual)
     return np.minimum(0.5 * drag, 10.0), np.clip(
         16.0 / 3.0 * np.pi * radius_m * drag * turned, -100.0, 100.0)
@@ -252,10 +253,12 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
     if np.isfinite(shots.number("mass_kg")).any():           # each ball has drag of its own
         unsure = np.hypot(unsure, BALLS * np.linalg.norm(slow, axis=1))
     low = sd[RISE] if stated or rig.target else 3.0
-    upright = np.median(np.hypot(way[:, 0], way[:, 1])) < 0.2 * np.median(np.abs(way[:, 2]))      # dropped, or nearly so
+    along = np.hypot(way[:, 0], way[:, 1])
+    upright = np.median(along) < 0.2 * np.median(np.abs(way[:, 2]))      # chosen: dropped, or nearly so
     widths = np.array([*[unsure] * 3, 0.06 + 0.06 * far + fallen,
                        0.15 + 0.1 * far + 0.1 * np.abs(place[:, 2]), 0.2 + 0.05 * np.abs(place[:, 2]),
-                       (180.0 if upright else 8.0) + 0.05 / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-9) * 57.3, 1.5 + far, 0.05 + 0.05 * far])
+                       (180.0 if upright else 8.0) + np.degrees(0.05 / np.maximum(along, 1e-9)),
+                       1.5 + far, 0.05 + 0.05 * far])
     too_long = np.where(longer > 0.0, longer / 0.2, longer / 1.5)
     known = np.isfinite(elevation_deg(dataset)[own]), speed > 0.0, np.isfinite(longer)
 
@@ -268,7 +271,8 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
         angle = elevation_deg(dataset)[own] + sd[HOOD] * theta[:, [HOOD]] + 2.5 * theta[:, [TILT]] - rises
         quick = _left(theta, speed, ~by_wheels(shots)[own]) + 0.06 * theta[:, [SCALE]] - faster
         lanes = np.ones((len(theta), 1))
-        off = np.stack([*bend, begins + 0.044 * theta[:, [TILT]] * far + low * theta[:, [RISE]], lanes * (place[:, 1] - first[:, 1] * back),
+        off = np.stack([*bend, begins + 0.044 * theta[:, [TILT]] * far + low * theta[:, [RISE]],
+                        lanes * (place[:, 1] - first[:, 1] * back),
                         lanes * np.minimum(place[:, 0], 0.0), lanes * aside,
                         np.where(known[0], angle, 0.0), np.where(known[1], quick, 0.0)], axis=1)
         off = np.where(np.isfinite(off), off, 0.0 if upright else LOST * widths) / widths
@@ -304,10 +308,11 @@ def _judge(readings: Sequence[Rows], theta: Floats) -> Judged:
         costs.append(rows.weight * (cost + np.log(width / np.where(np.isnan(sd), SCATTERS[0], 1.0))))
         offs.append(off)
         widths.append(width)
-    each = np.stack([cost if onto is None else cost @ onto for cost in costs])                               # [readings, scatters, lanes, shots]
+    # [readings, scatters, lanes, shots]
+    each = np.stack([cost if onto is None else cost @ onto for cost in costs])
     each[1:] += MIXED * np.minimum(1.0, FULL / max(len(shots), 1))
     which = each.argmin(axis=0)
-    spread = 0.5 * (np.maximum(np.log(SCATTERS) - USUAL, 0.0) / SPREAD)**2 if np.isnan(sd).any() else np.zeros(len(SCATTERS))
+    spread = np.isnan(sd).any() * 0.5 * (np.maximum(np.log(SCATTERS) - USUAL, 0.0) / SPREAD)**2
     cost = each.min(axis=0).sum(axis=-1) + spread[:, None]
     best, lane = cost.argmin(axis=0), np.arange(len(theta))
     picked = which[best, lane][:, place]
@@ -359,3 +364,11 @@ def lifts_less(rows: Rows, known: Fit) -> float:
     none = known.values.copy()
     none[CL] = -centre[CL] / sd[CL]
     return float(known.score - _judge([rows], none[None]).score[0]) if known.values[CL] < none[CL] else 0.0
+
+
+def times_wheels(dataset: Dataset, known: Fit) -> float:
+    """How many times as fast as the wheels' surfaces balls leave, by the middle shot; nan where the data do not say."""
+    speed = np.where(by_wheels(dataset.shots), _launched(dataset)[0], np.nan)
+    speed = speed[np.isfinite(speed)]
+    told = len(speed) and known.values[LOSS] != 0.0
+    return math.exp(float(np.median(_left(known.values[None], speed, False) - np.log(speed)))) if told else math.nan

@@ -104,8 +104,8 @@ def sizes(dataset: Dataset) -> dict[str, float]:
     for key in QUANTITIES:
         found[key] = found[key] if key in found else value_of(dataset, key) if "." in key else shots.number(key)
     speed = launch_state(rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan))
-    around = {name: 2.0 * math.pi * rig.ball.radius_m * turned / np.where(speed > 0.0, speed, np.nan) for name, turned in (
-        ("rim", np.abs(shots.number("exit_spin_rev_s"))),
+    around = {name: 2.0 * math.pi * rig.ball.radius_m * turned / np.where(speed > 0.0, speed, np.nan)
+              for name, turned in (("rim", np.abs(shots.number("exit_spin_rev_s"))),
         ("rim of all", np.sqrt(sum(shots.number(name)**2 for name in SPIN_VECTOR))))}
     motor = shots.number("motor_ratio") * (rig.launcher.free_speed_rad_s or math.nan)
     with np.errstate(all="ignore"):
@@ -148,7 +148,8 @@ def value_of(dataset: Dataset, key: str) -> float:
 def with_numbers(reading: Reading, **columns: Floats) -> Reading:
     """With other columns of shots."""
     shots = reading.dataset.shots
-    return reading._replace(dataset=replace(reading.dataset, shots=replace(shots, numbers={**shots.numbers, **columns})))
+    new = replace(shots, numbers={**shots.numbers, **columns})
+    return reading._replace(dataset=replace(reading.dataset, shots=new))
 
 
 def _with_rig(reading: Reading, key: str, by: Callable[[float], float]) -> Reading:
@@ -176,7 +177,7 @@ def causes(reading: Reading) -> Iterator[Cause]:
                 if factor != 1.0 and (key != "launcher.free_speed_rad_s" or "motor_ratio" in known):
                     yield Cause(Flaw(about.check, f"rig.toml: {key}", f"this looks like {unit}: {size * factor:.3g}"
                                      f"{' ' + key.rpartition('_')[2] if key.endswith(('_m', '_kg')) else ' rad/s'}"),
-                                _with_rig(reading, key, lambda old, factor=factor: old * factor), about.rare)
+                                _with_rig(reading, key, factor.__mul__), about.rare)
         elif "." not in key and names and set(names) <= known:
             yield from _units(reading, names, about)
     yield from _angles(reading, known, turning)
@@ -199,7 +200,8 @@ def _units(reading: Reading, names: list[str], about: Quantity) -> Iterator[Caus
         if unit == read:
             continue
         undone = with_numbers(reading, **{name: shots.number(name) * by for name in names})
-        rename = f"rename {'each' if len(names) > 1 else 'the column'} to {stem}_{suffix}" if suffix else f"multiply them by {factor:g}"
+        rename = f"rename {'each' if len(names) > 1 else 'the column'} to {stem}_{suffix}"
+        rename = rename if suffix else f"multiply them by {factor:g}"
         rename += f" or multiply it by {factor:.3g}" if unit == "radians" else ""
         # a column says its unit or, in metres, has it by default
         yield Cause(Flaw(about.check, place, f"these look like {unit}: {rename}"), undone,
@@ -220,8 +222,8 @@ def _from_floor(undone: Reading, unit: str, by: float, suffix: str) -> Iterator[
     target = dataset.rig.target
     height = dataset.shots.number("miss_height_m") - (target.centre_height_m if target else 0.0)
     if target and abs(float(np.nanmedian(height))) < max(TALLEST * target.centre_height_m, target.two_half_height_m):
-        yield Cause(Flaw("height", f"{dataset.shots.source}: miss_height_m", f"these look like heights above the floor in "
-                         f"{unit}: subtract that of the target's centre, {target.centre_height_m / by:.4g}"
+        yield Cause(Flaw("height", f"{dataset.shots.source}: miss_height_m", f"these look like heights above the floor "
+                         f"in {unit}: subtract that of the target's centre, {target.centre_height_m / by:.4g}"
                          + (f", and rename the column to miss_height_{suffix}" if suffix else "")),
                     with_numbers(undone, miss_height_m=height), 0.7)
 
@@ -230,13 +232,15 @@ def _angles(reading: Reading, known: set[str], turning: list[str]) -> Iterator[C
     """Angles from the vertical, exchanged columns, halves of distances and spins the other way round."""
     shots = reading.dataset.shots
     for name in {"hood_deg", "exit_deg"} & known:
-        yield Cause(Flaw("hood", f"{shots.source}: {name}", "the angle is from the vertical; it is the elevation above the "
-                         "horizontal: 90 less that"), with_numbers(reading, **{name: 90.0 - shots.number(name)}), 0.5)
+        yield Cause(Flaw("hood", f"{shots.source}: {name}", "the angle is from the vertical; it is the elevation above "
+                         "the horizontal: 90 less that"),
+                    with_numbers(reading, **{name: 90.0 - shots.number(name)}), 0.5)
     pairs = [(first, second) for first in ("distance_m", "hood_deg") for second in (*turning, "exit_speed_m_s")]
     for first, second in [("distance_m", "hood_deg"), *pairs]:
         if {first, second} <= known:
-            yield Cause(Flaw("hood" if first == "hood_deg" else "reach", f"{shots.source}: {first}, {second}", "these look "
-                             f"exchanged: exchange {first} and {second}"), with_numbers(reading, **{
+            check = "hood" if first == "hood_deg" else "reach"
+            yield Cause(Flaw(check, f"{shots.source}: {first}, {second}", "these look exchanged: exchange "
+                             f"{first} and {second}"), with_numbers(reading, **{
                                  first: shots.number(second), second: shots.number(first)}), 1.5)
     if "distance_m" in known:
         yield Cause(Flaw("track-length", f"{shots.source}: distance_m", "make sure that it is not half of the distance "
@@ -252,17 +256,17 @@ def _parts(reading: Reading, turning: list[str], by_ratio: bool) -> Iterator[Cau
         for by, what, rare in ((0.5, "the diameter, given as the radius", 1.2), (2.0, "half of the radius", 3.0)):
             yield Cause(Flaw("radius", f"rig.toml: {key}", f"this looks like {what}: "
                              f"{value_of(reading.dataset, key) * by:.3g} m"),
-                        _with_rig(reading, key, lambda old, by=by: old * by), rare, sure=4.0)
+                        _with_rig(reading, key, by.__mul__), rare, sure=4.0)
     if all(wheel.gear in (0.0, 1.0, -1.0) for wheel in launcher.wheel):
         return
     if turning:
-        yield Cause(Flaw("wheels", f"{shots.source}: {', '.join(turning)}", "these look like the motors' speeds, before the "
-                         "gears: multiply each by its gear"), with_numbers(reading, **{
+        yield Cause(Flaw("wheels", f"{shots.source}: {', '.join(turning)}", "these look like the motors' speeds, "
+                         "before the gears: multiply each by its gear"), with_numbers(reading, **{
                              name: wheel.gear * shots.number(name) for wheel in launcher.wheel
                              if (name := f"wheel_{wheel.name}_rad_s") in shots.numbers}), 2.5)
     if by_ratio and moving:
-        yield Cause(Flaw("wheels", "rig.toml: launcher.wheel.gear", "gears look upside down: launcher.wheel.gear is wheel "
-                         "speed / motor speed"), _with_rig(reading, "launcher.wheel.gear",
+        yield Cause(Flaw("wheels", "rig.toml: launcher.wheel.gear", "gears look upside down: launcher.wheel.gear is "
+                         "wheel speed / motor speed"), _with_rig(reading, "launcher.wheel.gear",
                                                            lambda old: 1.0 / old if old else 0.0), 2.5)
 
 
@@ -282,7 +286,8 @@ def _of_tracks(reading: Reading, motion: Motion) -> Iterator[Cause]:
         order = ["xyz".index({first: second, second: first}.get(axis, axis)) for axis in "xyz"]
         yield cause("axes", f"{first}_m, {second}_m", "z_m must point up and x_m to the target: exchange "
                     f"{second}_m and {first}_m", 1.0, same[order])
-    yield cause("axes", "x_m, y_m, z_m", "z points down: change its sign", 1.0, np.diag([1.0, 1.0, -1.0]), "upside down")
+    yield cause("axes", "x_m, y_m, z_m", "z points down: change its sign", 1.0, np.diag([1.0, 1.0, -1.0]),
+                "upside down")
     yield cause("axes", "x_m", "balls travel backwards; x_m must point to the target: change its sign, and that of y_m",
                 1.0, np.diag([-1.0, -1.0, 1.0]), "those of balls that travel backwards")
     turn = math.atan2(*np.median(motion.to_m - motion.from_m, axis=0)[1::-1])
@@ -291,12 +296,13 @@ def _of_tracks(reading: Reading, motion: Motion) -> Iterator[Cause]:
                 f"{'left' if turn > 0.0 else 'right'} of x; x_m must point to the target: turn the axes", 3.0,
                 np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]))
     for unit, seconds, column in (("milliseconds", 1e-3, "t_ms"), ("microseconds", 1e-6, "t_us")):
-        yield cause("gravity", "t_s", f"these look like {unit}: rename the column to {column}", 1.0, same, seconds=seconds)
-    yield cause("gravity", "t_s", "times look like half of what they were, by a camera's rate that was treated as twice "
-                "as high: double them", 1.5, same, seconds=2.0)
+        yield cause("gravity", "t_s", f"these look like {unit}: rename the column to {column}", 1.0, same,
+                    seconds=seconds)
+    yield cause("gravity", "t_s", "times look like half of what they were, by a camera's rate that was treated as "
+                "twice as high: double them", 1.5, same, seconds=2.0)
     for rate in RATES:
-        yield cause("gravity", "t_s", f"these look like numbers of pictures, about {rate:.0f} per second: divide them by "
-                    "the camera's rate", 2.0, same, seconds=1.0 / rate)
+        yield cause("gravity", "t_s", f"these look like numbers of pictures, about {rate:.0f} per second: divide them "
+                    "by the camera's rate", 2.0, same, seconds=1.0 / rate)
     rig = reading.dataset.rig
     back = motion.from_m[:, 0] / np.where(motion.start_m_s[:, 0] > 0.0, motion.start_m_s[:, 0], np.inf)
     begin = motion.from_m - motion.start_m_s * back[:, None]
@@ -307,13 +313,13 @@ def _of_tracks(reading: Reading, motion: Motion) -> Iterator[Cause]:
             ("z", f"balls leave at {height_m:.2f} m by their tracks, at {stated:g} m by rig.toml "
              "(launcher.release_height_m): " + (
                  "state that height there" if stated == 0.0 else "z_m is measured from the exit; add that height"
-                 if abs(height_m) < 0.3 * stated else "z_m is the height above the floor, x_m the distance from the exit; "
-                 "correct these or that height"), [0.0, 0.0, stated - height_m]),
+                 if abs(height_m) < 0.3 * stated else "z_m is the height above the floor, x_m the distance from the "
+                 "exit; correct these or that height"), [0.0, 0.0, stated - height_m]),
             ("y", f"balls leave at y = {aside_m:.2f} m; y_m is measured from the exit: subtract where the exit is",
              [0.0, -aside_m, 0.0]),
-            ("x", f"balls are first seen {behind_m:.2f} m behind the exit; x_m is measured from the exit: subtract where "
-             "the exit is", [max(behind_m, 0.0), 0.0, 0.0])):
+            ("x", f"balls are first seen {behind_m:.2f} m behind the exit; x_m is measured from the exit: subtract "
+             "where the exit is", [max(behind_m, 0.0), 0.0, 0.0])):
         yield cause("release", f"{axis}_m", what, 2.5, same, by_m=np.array(by_m))
-    yield Cause(Flaw("track-shots", "tracks: shot_id", "the tracks do not rise as the hood angles of their shots say: make "
-                     "sure that each track has the shot_id of its shot"), reading._replace(
+    yield Cause(Flaw("track-shots", "tracks: shot_id", "the tracks do not rise as the hood angles of their shots say: "
+                     "make sure that each track has the shot_id of its shot"), reading._replace(
                          motion=replace(motion, unlinked=True)), 3.0)

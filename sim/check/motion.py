@@ -1,7 +1,8 @@
-"""What tracks show by themselves: where flights begin and go, how they accelerate, and where one is not in free flight."""
+"""What tracks show by themselves: where flights begin and go, how they accelerate, and where one is not free."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,7 +16,7 @@ MOST = 30                             # tracks that are measured; chosen: enough
 # Chosen: drag on a light ball doubles a change of speed; a hand, a floor or a wall makes it many times as large
 KICK = 3.2                            # times its usual change of velocity in the same time
 JOLT = 0.2                            # and this share of its usual speed; chosen: a soft touch is left to the fit
-WINDOW = 1.0 / 12.0                   # share of a track on either side, in which velocities are taken; chosen: five samples
+WINDOW = 1.0 / 12.0                   # share of a track on either side, for velocities; chosen: five samples
 NOISES = 8.0                          # and so many standard deviations of noise; derived: chance once in 10^15
 DIFFERENCES = 20.0                    # variance of a third difference, by that of a sample; derived: 1 + 9 + 9 + 1
 MEDIAN = 0.6745                       # of the size of a normal deviate; derived: normal quantile 0.75
@@ -38,9 +39,10 @@ class Motion:
     def read(self, matrix: Floats, seconds: float = 1.0, by_m: Floats | float = 0.0) -> "Motion":
         """The same with positions times a matrix [3, 3], plus `by_m`, and times multiplied by `seconds`."""
         turn, size = matrix.T, float(np.linalg.norm(matrix, axis=1).max())
-        return replace(self, velocity_m_s=self.velocity_m_s @ turn / seconds, bend_m_s2=self.bend_m_s2 @ turn / seconds**2,
-                       error_m_s2=self.error_m_s2 * size / seconds**2, from_m=self.from_m @ turn + by_m,
-                       to_m=self.to_m @ turn + by_m, start_m_s=self.start_m_s @ turn / seconds)
+        return replace(self, velocity_m_s=self.velocity_m_s @ turn / seconds,
+                       bend_m_s2=self.bend_m_s2 @ turn / seconds**2, error_m_s2=self.error_m_s2 * size / seconds**2,
+                       from_m=self.from_m @ turn + by_m, to_m=self.to_m @ turn + by_m,
+                       start_m_s=self.start_m_s @ turn / seconds)
 
 
 def measure_motion(tracks: Tracks, without: frozenset[int] = frozenset()) -> Motion | None:
@@ -62,13 +64,14 @@ def measure_motion(tracks: Tracks, without: frozenset[int] = frozenset()) -> Mot
     if len(measured) < TRACKS:
         return None
     kept = np.linspace(0, len(measured) - 1, min(MOST, len(measured))).astype(int)
-    return Motion(*(np.array(column) for column in zip(*(measured[row] for row in kept), strict=True)))
+    columns: list[Any] = [np.array(column) for column in zip(*(measured[row] for row in kept), strict=True)]
+    return Motion(*columns)
 
 
 def _sampled(tracks: Tracks) -> Iterator[tuple[int, Floats, Float[np.ndarray, "n 3"]]]:
     """Shot, times and places of each track with enough samples."""
     points = np.column_stack([tracks.x_m, tracks.y_m, tracks.z_m])
-    sound = np.isfinite(points).all(axis=1)
+    sound = np.asarray(np.isfinite(points).all(axis=1))
     for shot, rows in tracks.by_shot():
         here = rows[sound[rows]]
         if len(here) >= SAMPLES and (np.diff(tracks.t_s[here]) > 0.0).all():

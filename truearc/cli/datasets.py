@@ -173,7 +173,8 @@ def ranges(dataset: "ta.Dataset") -> list[str]:
 
 def plausibility(dataset: "ta.Dataset") -> list[str]:
     """Return what the plausibility checks of a dataset that passed them have to say."""
-    from truearc.sim.check.check import SCORES, judges_reach
+    from truearc.sim.check.believable import SCORES
+    from truearc.sim.check.check import judges_reach
     objections = [f"warning: {objection}" for objection in dataset.accepted] or ["plausible: every check passed"]
     flights = {"tracks", "times"} & set(dataset.samples)
     unjudged = [("tracks.csv", "gravity, axes, units of length and time", not flights),

@@ -1,0 +1,106 @@
+"""Data as people bring them in their first hour, simulated alike: sound ones are read, slips are named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.random import default_rng
+
+from benchmarks.plausibility import fly, height_at
+from truearc.errors import InputError
+from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
+from truearc.sim.check.check import check_plausible
+from truearc.sim.data.dataset import Dataset, Shots, Tracks
+
+FOAM, BASKETBALL, BASEBALL = Ball(0.142, 0.0889), Ball(0.6, 0.12), Ball(0.145, 0.0366)
+
+
+def thrown(ball: Ball, speed: np.ndarray, deg: np.ndarray, from_m: float, times: tuple[float, int], cd: float = 0.5,
+           cl: float = 0.0, rev_s: np.ndarray | float = 0.0) -> np.ndarray:
+    """Places [samples, throws, 2] (x, z); times: step in s and number of steps."""
+    angle, area = np.radians(deg), np.pi * ball.radius_m**2 * 1.2 / ball.mass_kg
+    start = np.column_stack([0.0 * speed, 0.0 * speed + from_m, speed * np.cos(angle), speed * np.sin(angle)])
+    lift = 16.0 / 3.0 * np.pi * cl * ball.radius_m * area + 0.0 * speed
+    return fly(start, 0.5 * cd * area + 0.0 * speed, lift, rev_s + 0.0 * speed, *times)[..., :2]
+
+
+def table(seed: int, steep: bool, cd: float = 0.5, left: float = 0.82) -> Dataset:
+    """98 shots of a foam ball at 8 to 20 feet with lift 0.065, aimed at the middle of the target."""
+    rng = default_rng(seed)
+    distance = rng.uniform(8.0, 20.0, 98) * 0.3048
+    hood = np.maximum(rng.uniform(*((42.0, 55.0) if steep else (22.0, 32.0)), 98),
+                      np.degrees(np.arctan2(1.0, distance)) + 6.0)
+    turn = rng.uniform(0.3, 0.8) / 2.0 / np.pi / FOAM.radius_m
+
+    def heights(speed: np.ndarray, deg: np.ndarray) -> np.ndarray:
+        return height_at(thrown(FOAM, speed, deg, 0.8, (0.02, 110), cd, 0.065, turn * speed), distance) - 1.8
+    low, high = np.full(98, 3.0), np.full(98, 35.0)
+    for _ in range(14):
+        middle = 0.5 * (low + high)
+        short = heights(middle, hood) < 0.0
+        low, high = np.where(short, middle, low), np.where(short, high, middle)
+    off = np.abs(heights(high * np.exp(0.02 * rng.standard_normal(98)), hood + 0.3 * rng.standard_normal(98)))
+    outcome = tuple("three" if one < 0.07 else "two" if one < 0.3 else "miss" for one in off)
+    ratio = (1.0 - np.pi * turn * FOAM.radius_m) / (1.0 + np.pi * turn * FOAM.radius_m)
+    lower = 2.0 * high / left / (1.0 + ratio) / 0.05
+    rig = Rig(FOAM, LauncherFacts(0.8, None, (Wheel("upper", 0.05, 1.0, 0.0), Wheel("lower", 0.05, 1.0, 180.0))),
+              Target(1.8, 0.07, 0.3))
+    return Dataset("table", rig, Shots(tuple(map(str, range(98))), {
+        "distance_m": distance, "hood_deg": hood, "wheel_upper_rad_s": ratio * lower, "wheel_lower_rad_s": lower},
+        {"outcome": outcome}, written={"distance_m": "Dist (ft)"}))
+
+
+def filmed(ball: Ball, places: np.ndarray, step_s: float, from_m: float, target: Target | None = None) -> Dataset:
+    """Tracks of those places with a centimetre of noise."""
+    samples, throws, _ = places.shape
+    x, z = (places[..., axis].T.ravel() + 0.01 * default_rng(axis).standard_normal(samples * throws) for axis in (0, 1))
+    rig, shots = Rig(ball, LauncherFacts(from_m, None, ()), target), tuple(map(str, range(throws)))
+    return Dataset("film", rig, Shots(shots, {"distance_m": np.full(throws, 4.2)} if target else {}, {}), Tracks(
+        np.repeat(np.arange(throws), samples), np.tile(step_s * np.arange(samples), throws), x,
+        0.01 * default_rng(5).standard_normal(x.size), z))
+
+
+@pytest.mark.parametrize("steep", [False, True])
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_sound_tables_in_feet_are_read(seed: int, steep: bool) -> None:
+    assert check_plausible(table(seed, steep)).accepted == ()
+
+
+@pytest.mark.parametrize(("factor", "said"), [
+    (0.3048 / 0.0254, r"Dist \(ft\): these look like inches: .* \(Dist \(ft\) is read as distance_m\)"),
+    (0.3048, r"Dist \(ft\): these look like metres: rename the column to distance_m")])
+def test_another_unit_under_a_heading_of_feet_is_named(factor: float, said: str) -> None:
+    sound = table(0, steep=False)
+    wrong = {**sound.shots.numbers, "distance_m": factor * sound.shots.number("distance_m")}
+    with pytest.raises(InputError, match=said):
+        check_plausible(replace(sound, shots=replace(sound.shots, numbers=wrong)))
+
+
+def test_balls_that_outrun_their_wheels_are_remarked() -> None:
+    (said,) = check_plausible(table(4, steep=False, cd=0.77, left=1.035)).accepted
+    assert "times the speed of the wheels' surfaces" in said
+
+
+@pytest.mark.parametrize("cl", [0.0, 0.2])
+def test_tracks_whose_drag_is_as_strong_as_gravity_are_read(cl: float) -> None:
+    rng = default_rng(2)
+    speed, deg = rng.uniform(36.0, 42.0, 15), rng.uniform(-1.0, 3.0, 15)
+    places = thrown(BASEBALL, speed, deg, 1.8, (1.0 / 60.0, 26), 0.4, cl, 37.0)
+    assert check_plausible(filmed(BASEBALL, places, 1.0 / 60.0, 1.8)).accepted == ()
+
+
+def test_frames_in_the_hand_and_touches_are_named() -> None:
+    rng, hoop = default_rng(7), Target(3.05, 0.07, 0.2)
+    speed, deg = rng.uniform(8.5, 9.5, 12), rng.uniform(48.0, 56.0, 12)
+    places = thrown(BASKETBALL, speed, deg, 2.1, (1.0 / 30.0, 25))
+    assert check_plausible(filmed(BASKETBALL, places, 1.0 / 30.0, 2.1, hoop)).accepted == ()
+    # from rest to the speed of the throw in a sixth of a second
+    along = np.array([np.cos(np.radians(deg)), np.sin(np.radians(deg))]).T
+    pushed = ((np.arange(-5, 0) / 5.0 + 1.0)**2 - 1.0)[:, None] * speed / 12.0
+    held = np.concatenate([places[0] + pushed[:, :, None] * along, places])
+    with pytest.raises(InputError, match=r"begin before the ball is free, as in a hand .* \(check 'bounce'"):
+        check_plausible(filmed(BASKETBALL, held, 1.0 / 30.0, 2.1, hoop))
+    hit = places.copy()
+    hit[..., 0] = np.where(hit[..., 0] > 3.5, 3.5 - 0.4 * (hit[..., 0] - 3.5), hit[..., 0])
+    with pytest.raises(InputError, match=r"12 tracks turn at once, as a ball does that touches something"):
+        check_plausible(filmed(BASKETBALL, hit, 1.0 / 30.0, 2.1, hoop))
