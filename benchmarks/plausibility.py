@@ -64,6 +64,16 @@ def height_at(path: np.ndarray, distance_m: np.ndarray) -> np.ndarray:
     return np.where(past.any(axis=0), z[after - 1, lane] + share * (z[after, lane] - z[after - 1, lane]), -9.0)
 
 
+def aim(above_m: Callable[[np.ndarray], np.ndarray], n: int) -> np.ndarray:
+    """The speeds of n shots [m/s] at which they pass the target's middle."""
+    low, high = np.full(n, 2.0), np.full(n, 45.0)
+    for _ in range(14):
+        middle = 0.5 * (low + high)
+        short = above_m(middle) < 0.0
+        low, high = np.where(short, middle, low), np.where(short, high, middle)
+    return high
+
+
 def draw(seed: int) -> Dataset:
     """A sound dataset: a table of outcomes, with tracks of some shots in a third of the seeds."""
     again = 0
@@ -100,12 +110,8 @@ def _draw(rng: np.random.Generator, seed: int) -> Dataset | None:
         start = np.column_stack([np.zeros(n), np.full(n, release_m), speed * np.cos(angle), speed * np.sin(angle)])
         return fly(start, *lanes, turn * speed / np.exp(-loss_log), step_s, steps)
 
-    low, high = np.full(n, 2.0), np.full(n, 45.0)
-    for _ in range(14):
-        middle = 0.5 * (low + high)
-        short = height_at(shoot(middle, true_deg), true_m) < centre_m
-        low, high = np.where(short, middle, low), np.where(short, high, middle)
-    speed = high * np.exp(rng.uniform(0.005, 0.03) * rng.standard_normal(n))         # the aim's
+    speed = aim(lambda speed: height_at(shoot(speed, true_deg), true_m) - centre_m, n)
+    speed = speed * np.exp(rng.uniform(0.005, 0.03) * rng.standard_normal(n))         # the aim's
     flown = speed * np.exp(rng.uniform(0.003, 0.02) * rng.standard_normal(n))
     path = shoot(flown, true_deg + rng.uniform(0.1, 0.6) * rng.standard_normal(n), 0.01, 220)
     off_m = height_at(path, true_m) - centre_m

@@ -134,8 +134,8 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
     yield from _topspin(reading, as_recorded, known)
     if (times := times_wheels(reading.dataset, known)) > OUTRUN:
         yield Flaw("speed", f"{reading.dataset.shots.source}: the wheels", f"balls leave with about {times:.2f} times "
-                   "the speed of the wheels' surfaces, although wheels slip: make sure of their radii, gears and speeds",
-                   warns=True)
+                   "the speed of the wheels' surfaces, although wheels slip: make sure of their radii, gears and "
+                   "speeds", warns=True)
     if known.surprise < EXPECTED:
         return
     # the shots that are farthest off, and as many others, tell which slips are promising

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from benchmarks.plausibility import fly, height_at
+from benchmarks.plausibility import aim, fly, height_at
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.sim.check.check import check_plausible
@@ -34,11 +34,7 @@ def table(seed: int, steep: bool, cd: float = 0.5, left: float = 0.82) -> Datase
 
     def heights(speed: np.ndarray, deg: np.ndarray) -> np.ndarray:
         return height_at(thrown(FOAM, speed, deg, 0.8, (0.02, 110), cd, 0.065, turn * speed), distance) - 1.8
-    low, high = np.full(98, 3.0), np.full(98, 35.0)
-    for _ in range(14):
-        middle = 0.5 * (low + high)
-        short = heights(middle, hood) < 0.0
-        low, high = np.where(short, middle, low), np.where(short, high, middle)
+    high = aim(lambda speed: heights(speed, hood), 98)
     off = np.abs(heights(high * np.exp(0.02 * rng.standard_normal(98)), hood + 0.3 * rng.standard_normal(98)))
     outcome = tuple("three" if one < 0.07 else "two" if one < 0.3 else "miss" for one in off)
     ratio = (1.0 - np.pi * turn * FOAM.radius_m) / (1.0 + np.pi * turn * FOAM.radius_m)
