@@ -118,8 +118,7 @@ def _draw(rng: np.random.Generator, seed: int) -> Dataset | None:
     outcome = tuple("three" if abs(one) < 0.07 else "two" if abs(one) < half_m else "miss" for one in off_m)
     if n - outcome.count("miss") < 12 or speed.max() > 40.0:
         return None
-    shown_m = np.maximum(distance + 0.02 * rng.standard_normal(n), 0.1)
-    numbers = {"distance_m": shown_m, "hood_deg": hood}
+    numbers = {"distance_m": np.maximum(distance + 0.02 * rng.standard_normal(n), 0.1), "hood_deg": hood}
     surface = speed * np.exp(loss_log)
     surface = surface / np.maximum(1.0 - slip * surface, 0.5)
     wheel_m, gear = rng.uniform(0.03, 0.08), float(rng.choice([0.5, 1.0, 1.5, 2.0]))
@@ -141,8 +140,7 @@ def _draw(rng: np.random.Generator, seed: int) -> Dataset | None:
     rig = Rig(Ball(mass_kg, radius_m), LauncherFacts(release_m, free_rad_s, wheels),
               Target(centre_m, min(0.07, half_m), half_m))
     shots = Shots(tuple(f"{k:03d}" for k in range(n)), numbers, {"outcome": outcome})
-    tracks = _track(rng, path, off_m, true_m) if seed % 3 == 0 else None
-    return Dataset(f"seed {seed}", rig, shots, tracks)
+    return Dataset(f"seed {seed}", rig, shots, _track(rng, path, off_m, true_m) if seed % 3 == 0 else None)
 
 
 def _track(rng: np.random.Generator, path: np.ndarray, off_m: np.ndarray, true_m: np.ndarray) -> Tracks:

@@ -254,7 +254,7 @@ def _parts(reading: Reading, turning: list[str], by_ratio: bool) -> Iterator[Cau
     moving = bool(turning or by_ratio) and "exit_speed_m_s" not in shots.numbers
     for key in ("ball.radius_m", *(["launcher.wheel.radius_m"] if moving else [])):
         for by, what, rare, sure in ((0.5, "the diameter, given as the radius", 1.2, 4.0),
-                                     (2.0, "half of the radius", 3.0, 1.5)):
+                                     (2.0, "half of the radius", 3.0, 1.0)):
             yield Cause(Flaw("radius", f"rig.toml: {key}", f"this looks like {what}: "
                              f"{value_of(reading.dataset, key) * by:.3g} m"),
                         _with_rig(reading, key, by.__mul__), rare, sure=sure)

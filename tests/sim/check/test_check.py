@@ -169,14 +169,20 @@ def test_heights_that_can_be_pass(table: Dataset) -> None:
     (lambda one: numbers(one, **faster(one, 1.0 / (2.0 * np.pi))), "these look like revolutions per second"),
     (lambda one: numbers(one, **faster(one, 30.0 / np.pi)), "revolutions per minute"),
     (lambda one: wheels(numbers(one, **faster(one, 1.0 / 0.2)), [changed(wheel, gear=0.2) for wheel in WHEELS]),
-     "these look like the motors' speeds, before the gears"),
-    (lambda one: wheels(one, [changed(wheel, radius_m=0.025) for wheel in WHEELS]),
-     "this looks like half of the radius: 0.05 m")])
+     "these look like the motors' speeds, before the gears")])
 def test_speeds_of_wheels_that_are_not_theirs_are_called_so(filmed: Dataset, table: Dataset, wrong: Any,
                                                             said: str) -> None:
     for dataset in (table, filmed):
         with pytest.raises(InputError, match=said):
             ta.fit(wrong(dataset), ("gravity", "drag"))
+
+
+def test_half_of_a_wheels_radius_is_warned_of(filmed: Dataset, table: Dataset) -> None:
+    for dataset in (table, filmed):
+        halves = wheels(dataset, [changed(one, radius_m=0.025) for one in WHEELS])
+        outrun, half = check_plausible(halves).accepted
+        assert "times the speed of the wheels' surfaces" in outrun
+        assert "launcher.wheel.radius_m: this looks like half of the radius: 0.05 m" in half
 
 
 @pytest.mark.parametrize(("factor", "said"), [
