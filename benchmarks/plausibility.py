@@ -1,7 +1,6 @@
 """Of sound tables and tracks, how many does the plausibility check refuse, and which slips does it name?
 
     python -m benchmarks.plausibility --seed 1 --rigs 100 --lines FILE
-    python -m benchmarks.plausibility --quick
     python -m benchmarks.plausibility --table FILE
 
 Each seed is a rig of its own, with a ball, wheels, air, slip and lift drawn from the priors of truearc's terms. Its
@@ -353,7 +352,6 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=1, help="the first")
     parser.add_argument("--rigs", type=int, default=1000)
-    parser.add_argument("--quick", action="store_true", help="40 rigs, no file")
     parser.add_argument("--lines", type=Path, help="where lines are kept, and whose seeds are not run again")
     parser.add_argument("--table", type=Path, help="print the table of such a file")
     args = parser.parse_args(arguments)
@@ -361,7 +359,7 @@ def main(arguments: list[str] | None = None) -> None:
     kept = path.read_text(encoding="utf-8").splitlines() if path and path.exists() else []
     lines = [json.loads(line) for line in kept]
     done = {line["seed"] for line in lines}
-    for seed in range(args.seed, args.seed + (40 if args.quick else args.rigs)) if args.table is None else ():
+    for seed in range(args.seed, args.seed + args.rigs) if args.table is None else ():
         if seed not in done:
             lines.append(line_of(seed))
             if args.lines:

@@ -33,6 +33,7 @@ QUICK = {
     "kill": "--kills 2",
     "launcher_world": "--worlds 1 --level L1 --shots 24 --unseen 12 --seed 11 --processes 1 --out worlds.jsonl",
     "loop": "--trials 3",
+    "plausibility": "--rigs 2",
     "power": "--level L0 --worlds 1 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
     "real_sets": "DATA/real --only speeds",
     "vision": "--frames 1 --clutter 5 --files 5",
