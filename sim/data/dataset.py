@@ -1,7 +1,7 @@
 """Dataset in memory: columns in SI units with one row per shot, and the conditions of the shots."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 from typing import Any, NamedTuple, Self, TypeVar
@@ -187,10 +187,18 @@ class Dataset(Printed):
         lines += [f"{name}: {len(table.t_s)} samples" for name, table in self.samples.items()]
         return lines + left_out_lines(self.left_out)
 
+    def notes(self) -> tuple[str, ...]:
+        """Return a line for each thing that limits what the shots can show, or that is seldom true of real ones.
 
-def _counted(name: str) -> list[tuple[int, str]]:
+        These are rows that repeat another, shots of one instant, empty cells, outcomes of one kind, a voltage that
+        never moves, and balls that left below the straight line to the opening's lower rim. No command refuses them.
+        """
+        return (*_repeated(self), *_empty(self), *_one_kind(self), *_still(self.shots), *_flat(self))
+
+
+def _counted(name: str) -> tuple[tuple[int, str], ...]:
     """A name to sort by, its numbers as such: day9 before day10."""
-    return [(int(part) if part.isdecimal() else -1, part) for part in re.split(r"(\d+)", name)]
+    return tuple((int(part) if part.isdecimal() else -1, part) for part in re.split(r"(\d+)", name))
 
 
 def _samples(table: ShotSamples, count: int) -> list[tuple[Any, ...]]:
@@ -199,6 +207,105 @@ def _samples(table: ShotSamples, count: int) -> list[tuple[Any, ...]]:
     for shot, *sample in zip(*vars(table).values(), strict=True):
         found[shot].append(tuple(sample))
     return [tuple(one) for one in found]
+
+
+# Chosen: copies are few; in a table of settings and outcomes alone, shots that were repeated look like copies
+FEW_COPIES = 0.2                      # share of rows without times, from which equal ones are repeated shots
+MANY_SHOTS = 10                       # from which a voltage of one value is no chance; chosen: a voltmeter's steps
+MOST_EMPTY = 8                        # columns that a line names; chosen: a printed line
+LOST = {"distance_m": "where these shots passed the target is not used",
+        "hood_deg": "without exit_deg these shots are not used", "t_s": "so the order of the shots is not used at all",
+        "motor_ratio": "without wheel speeds or exit_speed_m_s these shots are not used"}
+
+
+def _repeated(dataset: Dataset) -> Iterator[str]:
+    """Rows that are the same as an earlier one but for their name; and other shots of one session's instant."""
+    shots, ids = dataset.shots, dataset.shots.shot_id
+    copies = _again([key[:-1] for key in dataset._keys()])
+    if copies and (shots.timed or len(copies) <= FEW_COPIES * len(ids)):
+        yield (f"{_count(len(copies), 'row')} the same as an earlier one but for the name (first {_first(ids, copies)}"
+               "): a shot that is written twice counts twice")
+    t_s, copied = shots.number("t_s"), {row for row, _ in copies}
+    instants = [(session, at if np.isfinite(at) else f"row {row}")
+                for row, (session, at) in enumerate(zip(shots.text("session"), t_s.tolist(), strict=True))]
+    same = [pair for pair in _again(instants) if pair[0] not in copied]
+    if same and len(np.unique(t_s[np.isfinite(t_s)])) > 1:            # else no times
+        yield (f"t_s: {_count(len(same), 'shot')} of the same instant as an earlier one (first {_first(ids, same)}): "
+               "was one written twice? If they are of two sessions, name these in the column session")
+
+
+def _again(keys: Sequence[Hashable]) -> list[tuple[int, int]]:
+    """(place, place of the first that equals it) of each key that was there before."""
+    first: dict[Hashable, int] = {}
+    return [(row, first[key]) for row, key in enumerate(keys) if first.setdefault(key, row) != row]
+
+
+def _count(count: int, what: str) -> str:
+    return f"1 {what} is" if count == 1 else f"{count} {what}s are"
+
+
+def _first(ids: tuple[str, ...], pairs: Sequence[tuple[int, int]]) -> str:
+    return ", ".join(f"{ids[row]} as {ids[before]}" for row, before in pairs[:3])
+
+
+def _empty(dataset: Dataset) -> Iterator[str]:
+    """Columns with some cells empty, by count; those whose place another column takes do not lack them."""
+    shots, others = dataset.shots, []
+    wheels = [name for name in shots.numbers if name.startswith(WHEEL)]
+    instead = {"hood_deg": ["exit_deg"], "motor_ratio": ["exit_speed_m_s", *wheels]}
+    for name in shots.numbers:
+        cells = [shots.number(one) for one in (name, *instead.get(name, ()))]
+        count = int(np.isnan(cells).all(axis=0).sum())
+        if 0 < count < len(shots) and name in LOST:
+            yield f"{name}: {count} of {len(shots)} empty: {LOST[name]}"
+        elif 0 < count < len(shots) and name not in ("since_last_shot_s", "miss_height_m"):       # often none
+            others.append(f"{name} {count}")
+    if others:
+        more = f" and {len(others) - MOST_EMPTY} more" if len(others) > MOST_EMPTY else ""
+        yield (f"cells empty of {len(shots)}: {', '.join(others[:MOST_EMPTY])}{more}: these shots tell nothing of what "
+               "goes with that column")
+    seen = np.isfinite(shots.number("miss_height_m")) | (np.array(shots.text("outcome")) != "")
+    for table in dataset.samples.values():
+        seen[table.shot] = True
+    if 0 < (count := int((~seen).sum())) < len(shots):
+        yield f"outcome: {count} of {len(shots)} empty: nothing is known of where these shots went"
+
+
+def _one_kind(dataset: Dataset) -> Iterator[str]:
+    """Outcomes that are all alike where nothing else was seen of the flights."""
+    shots = dataset.shots
+    kinds = {word != "miss" for word in shots.text("outcome") if word}
+    if len(kinds) == 1 and not (any(shots.text("side")) or {"tracks", "times"} & set(dataset.samples)
+                                or np.isfinite(shots.number("miss_height_m")).any()):
+        yield (f"only {'makes' if True in kinds else 'misses'}: nothing can be learnt about "
+               f"{'misses' if True in kinds else 'what scores'}; shots of both kinds tell most")
+
+
+def _still(shots: Shots) -> Iterator[str]:
+    voltage = shots.number("battery_v")[np.isfinite(shots.number("battery_v"))]
+    if len(voltage) >= MANY_SHOTS and np.ptp(voltage) == 0.0:
+        yield (f"battery_v: the voltage never moves ({voltage[0]:g} V in {len(voltage)} shots): that of a robot does; "
+               "were these shots simulated?")
+
+
+def _flat(dataset: Dataset) -> Iterator[str]:
+    """Balls that are said to have passed the opening's plane at a known height, but left below the straight line to
+    its lower rim: a ball falls below the line that it leaves along."""
+    target, shots = dataset.facts.target, dataset.shots
+    if target is None:
+        return
+    distance_m, hood_deg = shots.number("distance_m"), shots.number("hood_deg")
+    rim_m = target.centre_height_m + shots.number("miss_height_m") - target.two_half_height_m
+    needed_deg = np.degrees(np.arctan2(rim_m - dataset.facts.launcher.release_height_m, distance_m))
+    lacking_deg = needed_deg - hood_deg
+    flat = np.flatnonzero(lacking_deg > 0.0)
+    if len(flat):
+        worst = flat[np.argmax(lacking_deg[flat])]
+        yield (f"{len(flat)} of {len(shots)} shots leave flatter than a straight line to the opening's lower rim, so "
+               f"that no ball without more lift than weight gets there: {shots.shot_id[worst]} at "
+               f"{distance_m[worst]:.2f} m has {hood_deg[worst]:.1f} deg, where {needed_deg[worst]:.1f} are the least. "
+               "Their hood_deg may be no elevation, or have another zero; what discover names may then only stand for "
+               "that")
 
 
 def join_datasets(first: Dataset, second: Dataset) -> Dataset:

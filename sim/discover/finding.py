@@ -55,6 +55,7 @@ class DataSummary(Struct, frozen=True, omit_defaults=True):
     topspin: bool = False             # of most balls, by wheels or measurement
     at_limit: dict[str, float] = {}   # fitted numbers that stopped at the end of their range
     improbable: dict[str, float] = {} # fitted, but believed all but impossible; else the tracker's
+    notes: tuple[str, ...] = ()       # what limits the shots, or is seldom true of real ones
     sha256: str = ""                  # of the dataset's content, as in provenances
 
 

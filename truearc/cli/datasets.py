@@ -125,7 +125,8 @@ def check(args: argparse.Namespace) -> int:
     keep_compiled()
     from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
     dataset = check_plausible(ta.load_dataset(args.dataset), args.accept)
-    print("\n".join([*dataset.lines(), *ranges(dataset), *plausibility(dataset)]))
+    print("\n".join([*dataset.lines(), *ranges(dataset), *plausibility(dataset),
+                     *(f"note: {line}" for line in dataset.notes())]))
     few = len(dataset.shots) < FEWEST_SHOTS
     for line in lacking(dataset):
         print(f"warning: {line}")
@@ -159,16 +160,9 @@ def lacking(dataset: "ta.Dataset") -> list[str]:
 
 
 def ranges(dataset: "ta.Dataset") -> list[str]:
-    """Return a line per column of numbers: lowest to highest, and in how many shots it is missing."""
-    import numpy as np
-    lines = []
-    for name, column in dataset.shots.numbers.items():
-        known = column[np.isfinite(column)]
-        if len(known):
-            absent = len(column) - len(known)
-            lines.append(f"  {name:20s} {known.min():g} to {known.max():g}"
-                         + (f", missing in {absent} shot{'s' * (absent != 1)}" if absent else ""))
-    return lines
+    """Return a line per column of numbers: lowest to highest."""
+    known = {name: column[column == column] for name, column in dataset.shots.numbers.items()}
+    return [f"  {name:20s} {column.min():g} to {column.max():g}" for name, column in known.items() if len(column)]
 
 
 def plausibility(dataset: "ta.Dataset") -> list[str]:
@@ -210,7 +204,7 @@ def import_shots_options(parser: argparse.ArgumentParser) -> None:
 
 def import_shots(args: argparse.Namespace) -> int:
     """Turn the logs, tables and recordings of others into a dataset directory (docs/how-to/importing.md)."""
-    from truearc.sim.data.import_shots import doubts_of, only
+    from truearc.sim.data.import_shots import only
     from truearc.sim.printed import left_out_lines
     importer = next((importer for importer in load_importers() if importer.name == args.source), None)
     if importer is None:
@@ -234,8 +228,8 @@ def import_shots(args: argparse.Namespace) -> int:
     print(f"{args.out}: {len(dataset.shots)} shots, {0 if table is None else len(table.t_s)} {kind}")
     for line in left_out_lines(dataset.left_out):
         print(line)
-    for line in doubts_of(dataset):
-        print(f"warning: {line}")
+    for line in dataset.notes():
+        print(f"note: {line}")
     return 0
 
 

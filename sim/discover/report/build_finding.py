@@ -36,7 +36,7 @@ def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm
            among: Catalogue | None = None) -> FindingRecord:
     """The finding of data that carry no test."""
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0},
-                             dataset.accepted, untested(dataset))
+                             dataset.accepted, untested(dataset), notes=dataset.notes())
     nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
     return FindingRecord(data, parts.Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
                    wording.say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
@@ -69,7 +69,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
                 if not name.startswith("scatter.")}                      # scatters take what is missing
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
                              {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, lacks, topspin,
-                             at_limit | stopped(best, among), doubted)
+                             at_limit | stopped(best, among), doubted, dataset.notes())
     results = _results(fitted.scores, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)

@@ -382,6 +382,7 @@ def console_lines(finding: FindingRecord, among: Catalogue | None = None) -> lis
     if found := found_names(finding):
         lines.append(f"next: believe that and look again: --believe {','.join((*data.believed, *found))}")
     lines += [f"warning: {line}" for line in data.accepted]
+    lines += [f"note: {line}" for line in data.notes]
     lines += [f"not tested: {line}" for line in data.untested]
     return lines + left_out_lines(data.left_out)
 
