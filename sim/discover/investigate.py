@@ -31,10 +31,11 @@ from truearc.sim.discover.detect.covariates import gather_covariates, gather_fac
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.finding import FALSE_ALARM, SIGN_DRAWS, Adoption, FindingRecord
 from truearc.sim.discover.report.build_finding import make_finding, silent
-from truearc.sim.discover.report.finding_text import say_limits
+from truearc.sim.discover.report.finding_text import say_limits, say_odd
 from truearc.sim.discover.select import simulations as worth
 from truearc.sim.discover.select.simulations import Freed, Mixed, all_freed, mixed, shares, track_errors
 from truearc.sim.discover.select.terms import SURE, by_own_prior
+from truearc.sim.infer import launcher
 from truearc.sim.infer.belief import Belief, Coefficients, Curve, launcher_of, moved_curves, ranges_of
 from truearc.sim.infer.fit import Fit, climb, fit_believed
 from truearc.sim.infer.launcher import Launcher, LauncherFit, coefficients_of, covariance_of, scatter_of, stopped
@@ -121,6 +122,9 @@ def with_worth(investigation: Investigation) -> Investigation:
     if new := {name: at for name, at in choice.at_limit.items() if name not in found.data.at_limit}:
         data = structs.replace(found.data, at_limit=found.data.at_limit | new)
         found = structs.replace(found, data=data, sentence=found.sentence + say_limits(new))
+    if not choice.trial.empty:
+        said = say_odd(launcher.odd_places(choice.trial.scores, investigation.catalogue).values())
+        found = structs.replace(found, sentence=found.sentence + said)
     if choice.points is not None:
         found = structs.replace(found, adoption=structs.replace(choice.points, refused=choice.why or None))
     return replace(investigation, finding=found, choice=choice)

@@ -22,7 +22,7 @@ from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.battery import name_of
 from truearc.sim.discover.detect.covariates import IN_FLIGHT
 from truearc.sim.discover.finding import CONFIGURATIONS, PLANNED_SHOTS
-from truearc.sim.discover.identifiability import DRAWS, sight_of
+from truearc.sim.discover.identifiability import DRAWS, UNTOUCHED, Sight, TermIdentifiability
 from truearc.sim.discover.select.terms import efficient, nats_for
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
@@ -276,22 +276,21 @@ def _spin(dataset: Dataset, like_lift: bool) -> tuple[dict[str, Any], ...]:
              "exit_spin_rev_s): missing lift would look like this"},) if like_lift and not has_spin(dataset) else ()
 
 
-def blind_terms(evidence: ScoreTable, threshold: float, among: Catalogue) -> list[Term]:
+def blind_terms(sight: Sight) -> list[TermIdentifiability]:
     """Terms that these shots would not have shown at their usual size, four times in five, among all that was asked.
 
-    Those that move shots most come first, whether or not fitted numbers can stand in for them. threshold: the |score|
-    that a term needs, in standard deviations.
+    Those that move shots most come first, whether or not fitted numbers can stand in for them; last those that nothing
+    in the data depends on.
     """
-    blind = [one for one in sight_of(evidence, "", (), threshold).terms
-             if one.smallest is None or one.smallest > one.usual]
-    blind.sort(key=lambda one: -one.usual**2 * one.information / max(one.share_left, 1e-9))
-    return [term for one in blind if (term := among.get(one.term)) is not None]
+    blind = [one for one in sight.terms if one.smallest is None or one.smallest > one.usual]
+    return sorted(blind, key=lambda one: (one.why == UNTOUCHED,
+                                          -one.usual**2 * one.information / max(one.share_left, 1e-9)))
 
 
-def measure_blind(blind: Sequence[Term], tracked: bool) -> tuple[dict[str, Any], ...]:
+def measure_blind(blind: Sequence[TermIdentifiability], tracked: bool, among: Catalogue) -> tuple[dict[str, Any], ...]:
     """The measurements for the first of these terms; none of flights that are filmed already."""
     found: dict[str, tuple[str, list[str]]] = {}
-    for term in blind:
+    for (term,) in (among.find([one.term]) for one in blind):
         if term.instrument is not None and not (tracked and (isinstance(term, WatchTerm) or term.instrument.filmed)):
             found.setdefault(term.instrument.id, (term.instrument.what, []))[1].append(term.name)
     return tuple({"do": "measure", "instrument": name, "what": what, "shows": terms}

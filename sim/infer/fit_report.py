@@ -1,19 +1,22 @@
 """The text report of a fit: its numbers, which of them are aliased, and how well it predicts outcomes."""
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.intervals import KNOWN, ProfileInterval
-from truearc.sim.infer.launcher import MapFit, Sought
+from truearc.sim.infer.intervals import KNOWN, ProfileInterval, TrackerError, tracker_errors
+from truearc.sim.infer.launcher import MapFit, Sought, odd_places
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
 from truearc.sim.infer.likelihood.noise import UNMEASURED_M
 from truearc.sim.infer.likelihood.observations import class_chances
 from truearc.sim.infer.likelihood.score_table import FOLDS, fit_linear
+from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.printed import Progress, left_out_lines
+from truearc.sim.statistics import Z90
 
 # Chosen: only a fifth of either's variance is left by the other
 CORRELATED = 0.9                      # pairs from here on are named
@@ -135,8 +138,9 @@ def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossV
     lines = list(say_evidence(fit))
     if not fit.converged:
         return lines
+    odd = odd_places(fit.scores, fit.catalogue)
     for title, part in (("what these shots can tell", say_identified(fit)),
-                        ("estimates", say_estimates(intervals, fit.sought)), ("", say_scatter(fit)),
+                        ("estimates", say_estimates(intervals, fit.sought, odd)), ("", say_scatter(fit)),
                         ("", say_prediction(holdout))):
         told = list(part)
         lines += [*(["", f"{title}:"] if title and told else []), *told]
@@ -162,8 +166,25 @@ def say_evidence(fit: MapFit) -> Iterable[str]:
                "shots; truearc discover looks for one that does")
 
 
-def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]) -> Iterable[str]:
-    """A line for each parameter: value, 90 % interval, unit, meaning, and what stopped the interval beside the data."""
+def say_tracker_errors(errors: Iterable[Sequence[TrackerError]], among: Catalogue) -> list[str]:
+    """A sentence on each set of errors of the tracker that is known, with 90 % intervals, without a full stop."""
+    return [f"the tracker is off: {', or '.join(_error_text(one, among) for one in found)}"
+            + (", or a part of each: measure one" if len(found) > 1 else "; measure it") for found in errors]
+
+
+def _error_text(one: TrackerError, among: Catalogue) -> str:
+    (term,) = among.find([one.column.term])
+    phrase, size = term.phrase, abs(one.size * term.phrase.factor)
+    half = Z90 * one.sd * phrase.factor
+    places = max(1 - math.floor(math.log10(half)), 0)
+    return (phrase.less if one.size < 0.0 else phrase.more).format(
+        f"{size:.{places}f} (± {half:.{places}f}){phrase.unit}")
+
+
+def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought],
+                  odd: Mapping[str, str]) -> Iterable[str]:
+    """A line for each parameter: value, 90 % interval, unit, meaning, and what stopped the interval beside the data;
+    then the remarks on numbers at odd places."""
     yield "parameter                  value    90 % interval         meaning"
     fitted = {one.name: one for one in sought}
     for one in intervals:
@@ -175,12 +196,9 @@ def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]
     if "drag.cd" in fitted:
         yield ("the ball's mass and radius and the air's density are taken as stated: 1 % of mass or density is 1 % of "
                "drag.cd, 1 % of radius 2 %")
+    yield from (f"warning: {remark}" for remark in odd.values())
     for one in intervals:
-        if one.name == "magnus.cl" and one.high90 < 0.0:
-            yield ("warning: magnus.cl is below 0, so backspin presses the ball down: make sure of each wheel's "
-                   "clock_deg in rig.toml (0 touches from above, 180 from below), or of the sign of exit_spin_rev_s "
-                   "(backspin is positive); only smooth balls do so")
-        if fitted[one.name].improbable(one.value):
+        if one.name not in odd and fitted[one.name].improbable(one.value):
             yield (f"warning: {one.name} {number_text(one.value)} was believed all but impossible before: it may stand "
                    "for an effect that these terms lack; truearc discover says whether these shots show one")
 
@@ -223,6 +241,8 @@ def say_identified(fit: MapFit) -> Iterable[str]:
     for name in silent:
         yield (f"{name}: these shots say hardly more than was believed before ({share[name]:.0%} of the prior's "
                "standard deviation is left)")
+    for line in say_tracker_errors(tracker_errors(fit.scores, fit.catalogue), fit.catalogue):
+        yield f"warning: {line}; or an effect that these terms lack looks like that"
     if not pairs and not silent:
         yield "every parameter is fixed by these shots on its own"
 

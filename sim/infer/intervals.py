@@ -23,20 +23,23 @@ posterior by Gibbs sampling on a grid whose points its prior makes equally likel
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import halfnorm
+from scipy.stats import t as student
 
 from truearc.errors import InputError
 from truearc.sim.infer.belief import launcher_of
 from truearc.sim.infer.fit import climb, objective
 from truearc.sim.infer.launcher import MapFit, Sought
-from truearc.sim.infer.likelihood.layout import MOVES, own_slope
+from truearc.sim.infer.likelihood.layout import MOVES, is_tracker, own_slope
 from truearc.sim.infer.likelihood.noise import WEAKER
-from truearc.sim.infer.likelihood.score_table import fit_linear, log_posterior
+from truearc.sim.infer.likelihood.score_table import Column, ScoreTable, fit_linear, log_posterior
+from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.statistics import Z90
 
 WIDEST = 8.0                          # prior standard deviations from the optimum; further is open
@@ -50,6 +53,71 @@ KNOWN = 0.7
 # with the wider deviation, and not without it (git show 6276bab4)
 BEYOND = 1.5                          # times the deviation by the likelihood, from which that by the shots counts
 MOST_PUT_RIGHT = 2.0                  # factor by which flying again may move an end
+
+
+def estimate_by_shots(evidence: ScoreTable, places: Sequence[int]) -> tuple[Float[np.ndarray, " k"],
+                                                                            Float[np.ndarray, "k k"]]:
+    """(values, sandwich covariance by clusters of shots) of some columns, one step from the top, with all shared ones
+    free."""
+    first, label = evidence.first_shared, evidence.together
+    kept = [k for k in places if k < first] + list(range(first, len(evidence.columns)))
+    extra, at = len(kept) - len(evidence.precision), [kept.index(k) for k in places]
+    usual = np.array([evidence.columns[k].usual for k in kept])
+    prior = np.diag(usual**-2.0)
+    prior[extra:, extra:] = evidence.precision
+    inverse = np.linalg.inv(evidence.information[np.ix_(kept, kept)] + prior)
+    score = np.zeros((int(label.max()) + 1, len(kept)))
+    np.add.at(score, label, evidence.score[:, kept])
+    many = len(np.unique(label))
+    middle = score.T @ score * many / (many - 1)
+    middle[at, at] += usual[at]**-2.0
+    step = inverse @ (score.sum(0) + np.concatenate([np.zeros(extra), evidence.pull]))
+    start = np.concatenate([np.zeros(extra), evidence.point[first:]])
+    return (start + step)[at], (inverse @ middle @ inverse)[np.ix_(at, at)]
+
+
+# Chosen: as FALSE_ALARM, of a tracker without errors
+WRONG = 0.05                          # probability that an error is seen where there is none
+MOST_TOGETHER = 3                     # errors of which one is there; chosen: a printed sentence
+
+
+@dataclass(frozen=True)
+class TrackerError:
+    """An error of the tracker that is there: `size` with `sd`, in the column's unit, if the others beside it are 0."""
+
+    column: Column
+    size: float
+    sd: float
+
+
+def tracker_errors(evidence: ScoreTable, among: Catalogue) -> tuple[tuple[TrackerError, ...], ...]:
+    """Return the errors of the tracker that are known: one alone, or two or three of which one at least is there.
+
+    Of two errors that do much the same to tracks, such as of lengths and of the clock, neither may be known although
+    one combination of them is. Each member of a set is then far from 0 where the others are 0: their t statistics
+    exceed what any subset of a tracker without errors exceeds with probability WRONG (Bonferroni). Sets hold no smaller
+    one. Intervals use Fisher information or the sandwich variance, whichever is wider.
+    """
+    places = [k for k, column in enumerate(evidence.columns[evidence.shared], evidence.first_shared)
+              if is_tracker(column, among)]
+    spare = len(np.unique(evidence.together)) - len(places)
+    subsets = [list(one) for size in range(1, MOST_TOGETHER + 1) for one in combinations(range(len(places)), size)]
+    if not places or spare < 1:
+        return ()
+    value, by_shots = estimate_by_shots(evidence, places)
+    limit, found = float(student.isf(0.5 * WRONG / len(subsets), spare)), list[list[int]]()
+    errors = []
+    for subset in subsets:
+        own = np.array(places)[subset]
+        by_model, sandwich = (np.linalg.inv(covariance) for covariance in (
+            evidence.covariance[np.ix_(own, own)], by_shots[np.ix_(subset, subset)]))
+        size = by_model @ value[subset] / np.diag(by_model)          # where the others of the subset are 0
+        sd = np.maximum(np.diag(by_model)**-0.5, np.diag(sandwich)**-0.5)
+        if not any(set(one) <= set(subset) for one in found) and (np.abs(size) > limit * sd).all():
+            found.append(subset)
+            errors.append(tuple(TrackerError(evidence.columns[k], float(much), float(half))
+                                for k, much, half in zip(own, size, sd, strict=True)))
+    return tuple(errors)
 
 
 @dataclass(frozen=True)

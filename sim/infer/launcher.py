@@ -8,6 +8,7 @@ from functools import cache, cached_property
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.special import ndtri
 
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset
@@ -24,6 +25,7 @@ from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import CURVE, NAMELESS, Catalogue, as_catalogue, find_parameter, find_terms
 from truearc.sim.physics.term import LOG, Parameter, WatchTerm, complete, fits_scale, from_scale, to_scale
 from truearc.sim.printed import Progress
+from truearc.sim.statistics import Z90
 
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
 SOME = 96                             # outcomes that the grid looks at
@@ -45,6 +47,8 @@ ABSURD, MISFIT = 5.0, 2.0             # times the usual scatter of a launch, or 
 FEW = 200                             # outcomes up to which the likelihood may have several tops
 # Derived: normal quantile 0.995
 IMPROBABLE = 2.58                     # prior standard deviations that a hundredth of the prior lies beyond
+# Chosen: as FALSE_ALARM; each of k numbers then has ODD / k
+ODD = 0.05                            # share of rigs, as the priors have them, with a number at an odd place
 
 
 @dataclass(frozen=True)
@@ -310,6 +314,35 @@ def improbable(layout: Layout, point: Float[np.ndarray, " p"]) -> dict[str, floa
     """Return the fitted numbers of terms that were believed all but impossible: {name: value at `point`}."""
     found = {one.name: (one, one.value(float(point[one.column]))) for one in sought_of(layout) if not one.scatters}
     return {name: value for name, (one, value) in found.items() if one.improbable(value)}
+
+
+def odd_places(scores: ScoreTable, among: Catalogue) -> dict[str, str]:
+    """Return {name: remark} of fitted coefficients that lie where physics seldom has them.
+
+    These are numbers whose 90 % interval is outside the range that their parameter declares, and numbers that were
+    believed without an earlier session's data and are so far out in the catalogue's prior that a share ODD of rigs have
+    any.
+    """
+    found, sd = {}, np.sqrt(np.diag(scores.covariance))
+    asked = [(column, float(at), Z90 * half, find_parameter(column.name, among)) for k, (column, at, half) in enumerate(
+        zip(scores.columns, scores.point, sd, strict=True)) if k in believed_columns(scores, among)
+        and among.get(column.term) is not None and not column.told]
+    weighed = [one for one in asked if one[0].kind == "shared" and one[3].prior is not None]
+    limit = float(ndtri(1.0 - 0.5 * ODD / max(len(weighed), 1)))
+    for column, value, half, one in asked:
+        if value + half < one.low:
+            found[column.name] = f"{column.name} is below {one.low:g} ({value:.3g}), {one.below}"
+        elif value - half > one.high:
+            found[column.name] = f"{column.name} is above {one.high:g} ({value:.3g}), which physics seldom has"
+    for column, value, _, one in weighed:
+        if column.name in found or one.prior is None or not fits_scale(one.prior.scale, value):
+            continue
+        place = (to_scale(one.prior.scale, value) - to_scale(one.prior.scale, one.prior.centre)) / one.prior.sd
+        if abs(place) > limit:
+            found[column.name] = (f"{column.name} {value:.3g} is {abs(place):.1f} standard deviations from what is "
+                                  f"usual, {one.prior.centre:g} ({one.prior.reason}): it may stand for an effect that "
+                                  "these terms lack")
+    return found
 
 
 def sought_of(layout: Layout) -> tuple[Sought, ...]:

@@ -138,6 +138,7 @@ class Parameter:
         by_ball: Standard deviation between balls, as a share of the number; 0: equal for all balls.
         fit_each_ball: Whether each ball gets its own number if balls are distinguished.
         percent: Whether reports of a fit show it in per cent.
+        below: What a value below `low` means, and what to make sure of before it is believed.
     """
 
     name: str
@@ -151,6 +152,7 @@ class Parameter:
     by_ball: float = 0.0
     fit_each_ball: bool = False
     percent: bool = False
+    below: str = "which physics seldom has"
 
 
 def amplitude(name: str, unit: str, low: float, high: float, *, sd: float, meaning: str, source: str, reason: str,

@@ -47,7 +47,7 @@ NEAR_M, FAR_M, ASIDE = 2.4, 8.0, 0.05                 # places of practice; stan
 LEAST_POINTS = 0.5                    # expected of a marked shot
 APART = 1000                          # world seeds of one seed from the next one's
 HEAD = ("", "what was wrong", "what the robot found", "threes", "points per ball")
-SEEN = "Of their usual size"          # what a finding of nothing says of the effects that it could not have shown
+SEEN = "could not have shown"         # what a finding of nothing says of the effects that it is blind to
 LISTED = 3                            # names in a row
 MARKS = {("three", ""): "o", ("two", ""): "o", ("two", "low"): "v", ("two", "high"): "^", ("miss", "low"): "v",
          ("miss", "high"): "^"}
@@ -234,9 +234,9 @@ def _found(act: Act) -> str:
 def say_limits(event: Act, control: Act) -> str:
     """One line on what the marked shots cannot tell apart, and what they could not have shown."""
     alike = [plain(one.term) for one in (*event.finding.effects[:1], *event.finding.alternatives)]
-    blind = control.finding.sentence.partition(SEEN)[2].partition(" To see")[0]
+    blind = control.finding.sentence.partition(SEEN)[2].partition("; best next")[0].partition(". ")[0]
     line = f"These marks cannot tell {either(alike[:LISTED + 1], 'from')}. " if len(alike) > 1 else ""
-    return line + (f"{SEEN}{blind}" if blind else "") or "Marks do not show in which part a difference arises."
+    return line + (f"They {SEEN}{blind}." if blind else "") or "Marks do not show in which part a difference arises."
 
 
 def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> Path:

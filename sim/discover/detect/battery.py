@@ -43,6 +43,7 @@ from scipy.stats import multivariate_normal
 
 from truearc.sim.discover.detect import covariates as functions
 from truearc.sim.discover.detect.covariates import SAME_SHAPE, Covariate, Factor, Look, WeightFunction, weights_of
+from truearc.sim.infer.intervals import estimate_by_shots
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.printed import Progress
@@ -497,7 +498,7 @@ class _Difference:
 
 def _difference(fitted: LauncherFit, home: LauncherFit, names: Sequence[str], term: str = "") -> _Difference:
     """Of the tracker's numbers, and of one term where it is named."""
-    (value, here), (before, there) = (_estimate(one.scores, one.scores.together, _places(one.scores, names, term))
+    (value, here), (before, there) = (estimate_by_shots(one.scores, _places(one.scores, names, term))
                                       for one in (fitted, home))
     columns = tuple(fitted.scores.columns[k] for k in _places(fitted.scores, names, term))
     return _Difference(columns, value - before, here + there, np.sqrt(2.0) * np.array([one.usual for one in columns]))
@@ -506,23 +507,3 @@ def _difference(fitted: LauncherFit, home: LauncherFit, names: Sequence[str], te
 def _places(evidence: ScoreTable, names: Sequence[str], term: str) -> list[int]:
     where = {column.name: k for k, column in enumerate(evidence.columns)}     # of two of one name the shared one
     return [where[name] for name in names] + ([evidence.index(term)] if term else [])
-
-
-def _estimate(evidence: ScoreTable, label: Int[Array, " n"],
-              places: Sequence[int]) -> tuple[Float[Array, " k"], Float[Array, "k k"]]:
-    """(values, covariance) of some columns, one step from the top, with all shared ones free."""
-    first = evidence.first_shared
-    kept = [k for k in places if k < first] + list(range(first, len(evidence.columns)))
-    extra, at = len(kept) - len(evidence.precision), [kept.index(k) for k in places]
-    usual = np.array([evidence.columns[k].usual for k in kept])
-    prior = np.diag(usual**-2.0)
-    prior[extra:, extra:] = evidence.precision
-    inverse = np.linalg.inv(evidence.information[np.ix_(kept, kept)] + prior)
-    score = np.zeros((int(label.max()) + 1, len(kept)))
-    np.add.at(score, label, evidence.score[:, kept])
-    many = len(np.unique(label))
-    middle = score.T @ score * many / (many - 1)
-    middle[at, at] += usual[at]**-2.0
-    step = inverse @ (score.sum(0) + np.concatenate([np.zeros(extra), evidence.pull]))
-    start = np.concatenate([np.zeros(extra), evidence.point[first:]])
-    return (start + step)[at], (inverse @ middle @ inverse)[np.ix_(at, at)]
