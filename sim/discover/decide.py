@@ -60,7 +60,7 @@ from truearc.sim.discover.finding import Adoption, FitSummary
 from truearc.sim.discover.identifiability import UNTOUCHED, Sight, TermIdentifiability
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis, weigh
 from truearc.sim.discover.select.terms import NEVER, SURE, Naming, name_terms
-from truearc.sim.infer.launcher import LauncherFit
+from truearc.sim.infer.launcher import STRONG, LauncherFit
 from truearc.sim.infer.likelihood.data import Each
 from truearc.sim.infer.likelihood.score_table import Column, clustered_error, folds_of
 from truearc.sim.printed import Progress, part_of
@@ -72,7 +72,6 @@ TWIN = 0.5                            # of a name's probability, that what hardl
 # Chosen: what is printed as 0 or 1 %
 ANY = 0.01                            # probability of names, below which they do not stand for what is unexplained
 LIKELY = 0.5                          # probability from which a thing is likelier than not
-STRONG = 10.0                         # factor by which strong evidence raises odds (Jeffreys 1961, appendix B)
 # Derived: the normal quantile 0.975, and a likelihood interval of 95 % (Wilks 1938), rounded
 CLEARLY = 2.0                         # standard errors by which plain shares beat a forecast, or a free curve is better
 # Derived: 5 % then falls on a draw, known to 0.7 %

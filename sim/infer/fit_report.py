@@ -176,7 +176,7 @@ def _error_text(one: TrackerError, among: Catalogue) -> str:
     (term,) = among.find([one.column.term])
     phrase, size = term.phrase, abs(one.size * term.phrase.factor)
     half = Z90 * one.sd * phrase.factor
-    places = max(1 - math.floor(math.log10(half)), 0)
+    places = max(-math.floor(math.log10(half)), 0)
     return (phrase.less if one.size < 0.0 else phrase.more).format(
         f"{size:.{places}f} (± {half:.{places}f}){phrase.unit}")
 

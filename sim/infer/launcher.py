@@ -1,6 +1,7 @@
 """The launcher as a fit's model: its shots and columns, where the optimization starts and ends, and its belief."""
 
 import itertools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -8,7 +9,7 @@ from functools import cache, cached_property
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset
@@ -20,12 +21,21 @@ from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import plane_grid
 from truearc.sim.infer.likelihood.layout import SCATTER_NAMES, Layout, Point, believed_name, is_tracker, own_slope
-from truearc.sim.infer.likelihood.noise import SCATTER_MOST, SCATTER_PRIOR, SCATTERS
+from truearc.sim.infer.likelihood.noise import SCATTER_MOST, SCATTER_PRIOR, SCATTERS, WEAKER
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import CURVE, NAMELESS, Catalogue, as_catalogue, find_parameter, find_terms
-from truearc.sim.physics.term import LOG, Parameter, WatchTerm, complete, fits_scale, from_scale, to_scale
+from truearc.sim.physics.term import (
+    LOG,
+    SELDOM,
+    Parameter,
+    Prior,
+    WatchTerm,
+    complete,
+    fits_scale,
+    from_scale,
+    to_scale,
+)
 from truearc.sim.printed import Progress
-from truearc.sim.statistics import Z90
 
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
 SOME = 96                             # outcomes that the grid looks at
@@ -49,6 +59,7 @@ FEW = 200                             # outcomes up to which the likelihood may 
 IMPROBABLE = 2.58                     # prior standard deviations that a hundredth of the prior lies beyond
 # Chosen: as FALSE_ALARM; each of k numbers then has ODD / k
 ODD = 0.05                            # share of rigs, as the priors have them, with a number at an odd place
+STRONG = 10.0                         # factor by which strong evidence raises odds (Jeffreys 1961, appendix B)
 
 
 @dataclass(frozen=True)
@@ -317,32 +328,34 @@ def improbable(layout: Layout, point: Float[np.ndarray, " p"]) -> dict[str, floa
 
 
 def odd_places(scores: ScoreTable, among: Catalogue) -> dict[str, str]:
-    """Return {name: remark} of fitted coefficients that lie where physics seldom has them.
+    """Return {name: remark} of fitted coefficients that lie where physics seldom has them; those that an earlier
+    session's data have told are not asked about again.
 
-    These are numbers whose 90 % interval is outside the range that their parameter declares, and numbers that were
-    believed without an earlier session's data and are so far out in the catalogue's prior that a share ODD of rigs have
-    any.
+    These are numbers beyond the range that their parameter declares, where the data raise the odds of that STRONG
+    times, and numbers so far out in the catalogue's prior that a share ODD of rigs have any.
     """
-    found, sd = {}, np.sqrt(np.diag(scores.covariance))
-    asked = [(column, float(at), Z90 * half, find_parameter(column.name, among)) for k, (column, at, half) in enumerate(
-        zip(scores.columns, scores.point, sd, strict=True)) if k in believed_columns(scores, among)
-        and among.get(column.term) is not None and not column.told]
-    weighed = [one for one in asked if one[0].kind == "shared" and one[3].prior is not None]
-    limit = float(ndtri(1.0 - 0.5 * ODD / max(len(weighed), 1)))
-    for column, value, half, one in asked:
-        if value + half < one.low:
-            found[column.name] = f"{column.name} is below {one.low:g} ({value:.3g}), {one.below}"
-        elif value - half > one.high:
-            found[column.name] = f"{column.name} is above {one.high:g} ({value:.3g}), which physics seldom has"
-    for column, value, _, one in weighed:
-        if column.name in found or one.prior is None or not fits_scale(one.prior.scale, value):
-            continue
-        place = (to_scale(one.prior.scale, value) - to_scale(one.prior.scale, one.prior.centre)) / one.prior.sd
-        if abs(place) > limit:
-            found[column.name] = (f"{column.name} {value:.3g} is {abs(place):.1f} standard deviations from what is "
-                                  f"usual, {one.prior.centre:g} ({one.prior.reason}): it may stand for an effect that "
-                                  "these terms lack")
+    found, sd = dict[str, str](), np.sqrt(np.diag(scores.covariance))
+    columns = [(k, scores.columns[k]) for k in believed_columns(scores, among) if not scores.columns[k].told]
+    asked = [(column, float(scores.point[k]), float(sd[k]), one, one.prior) for k, column in columns
+             if among.get(column.term) is not None and (one := find_parameter(column.name, among)).prior is not None]
+    limit = float(ndtri(1.0 - 0.5 * ODD / max(sum(column.kind == "shared" for column, *_ in asked), 1)))
+    for column, value, own, one, prior in asked:
+        for sign, end, word, meaning in ((1.0, one.low, "below", one.below), (-1.0, one.high, "above", SELDOM)):
+            before, after = ndtr(sign * _place(prior, end) / WEAKER), ndtr(sign * (end - value) / own)
+            if after > 0.5 and after * (1.0 - before) > STRONG * before * (1.0 - after):
+                found[column.name] = f"{column.name} is {word} {end:g} ({value:.3g}), {meaning}"
+        off = abs(_place(prior, value))
+        if column.name not in found and column.kind == "shared" and limit < off < math.inf:
+            found[column.name] = (f"{column.name} {value:.3g} is {off:.1f} standard deviations from the usual "
+                                  f"{prior.centre:g} ({prior.reason}): it may stand for an effect that is missing")
     return found
+
+
+def _place(prior: Prior, number: float) -> float:
+    """Standard deviations of a number from the prior's centre, on its scale."""
+    if not fits_scale(prior.scale, number):
+        return -math.inf if prior.scale == LOG else math.inf
+    return float((to_scale(prior.scale, number) - to_scale(prior.scale, prior.centre)) / prior.sd)
 
 
 def sought_of(layout: Layout) -> tuple[Sought, ...]:
