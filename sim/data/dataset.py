@@ -223,15 +223,15 @@ def _repeated(dataset: Dataset) -> Iterator[str]:
     shots, ids = dataset.shots, dataset.shots.shot_id
     copies = _again([key[:-1] for key in dataset._keys()])
     if copies and (shots.timed or len(copies) <= FEW_COPIES * len(ids)):
-        yield (f"{_count(len(copies), 'row')} the same as an earlier one but for the name (first {_first(ids, copies)}"
-               "): a shot that is written twice counts twice")
+        yield (f"rows that repeat an earlier one but for the name: {_listed(ids, copies)}; a shot that is written "
+               "twice counts twice")
     t_s, copied = shots.number("t_s"), {row for row, _ in copies}
     instants = [(session, at if np.isfinite(at) else f"row {row}")
                 for row, (session, at) in enumerate(zip(shots.text("session"), t_s.tolist(), strict=True))]
     same = [pair for pair in _again(instants) if pair[0] not in copied]
     if same and len(np.unique(t_s[np.isfinite(t_s)])) > 1:            # else no times
-        yield (f"t_s: {_count(len(same), 'shot')} of the same instant as an earlier one (first {_first(ids, same)}): "
-               "was one written twice? If they are of two sessions, name these in the column session")
+        yield (f"t_s: shots of the instant of an earlier one: {_listed(ids, same)}; was one written twice? If they are "
+               "of two sessions, name these in the column session")
 
 
 def _again(keys: Sequence[Hashable]) -> list[tuple[int, int]]:
@@ -240,12 +240,9 @@ def _again(keys: Sequence[Hashable]) -> list[tuple[int, int]]:
     return [(row, first[key]) for row, key in enumerate(keys) if first.setdefault(key, row) != row]
 
 
-def _count(count: int, what: str) -> str:
-    return f"1 {what} is" if count == 1 else f"{count} {what}s are"
-
-
-def _first(ids: tuple[str, ...], pairs: Sequence[tuple[int, int]]) -> str:
-    return ", ".join(f"{ids[row]} as {ids[before]}" for row, before in pairs[:3])
+def _listed(ids: tuple[str, ...], pairs: Sequence[tuple[int, int]]) -> str:
+    first = ", ".join(f"{ids[row]} as {ids[before]}" for row, before in pairs[:3])
+    return f"{len(pairs)} ({first}{', ...' if len(pairs) > 3 else ''})"
 
 
 def _empty(dataset: Dataset) -> Iterator[str]:
@@ -277,8 +274,8 @@ def _one_kind(dataset: Dataset) -> Iterator[str]:
     kinds = {word != "miss" for word in shots.text("outcome") if word}
     if len(kinds) == 1 and not (any(shots.text("side")) or {"tracks", "times"} & set(dataset.samples)
                                 or np.isfinite(shots.number("miss_height_m")).any()):
-        yield (f"only {'makes' if True in kinds else 'misses'}: nothing can be learnt about "
-               f"{'misses' if True in kinds else 'what scores'}; shots of both kinds tell most")
+        only, other = ("makes", "misses") if True in kinds else ("misses", "makes")
+        yield f"only {only}: nothing can be learnt about {other}; shots of both kinds tell most"
 
 
 def _still(shots: Shots) -> Iterator[str]:

@@ -185,7 +185,7 @@ class FindingRecord(Struct, frozen=True):
     also: tuple[FoundEffect, ...] = ()    # further effects, in the order in which they were found
     unexplained: float | UnsetType = UNSET         # probability of an effect of no term, alone or beside a term
     adoption: Adoption | UnsetType = UNSET         # absent where nothing was found, or no target tells points
-    tracker: FoundEffect | UnsetType = UNSET       # change of its calibration since the earlier session, where found
+    tracker: FoundEffect | UnsetType = UNSET       # errors of its calibration, or changes since `since`
 
 
 def load_record(path: str | Path) -> FindingRecord:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -20,33 +21,6 @@ from truearc.sim.statistics import Z90
 
 # Chosen: only a fifth of either's variance is left by the other
 CORRELATED = 0.9                      # pairs from here on are named
-
-
-@dataclass(frozen=True)
-class AliasedPair:
-    """Two parameters that this dataset keeps together: it fixes `a` + factor * `b`, to `known_to`, in a's unit."""
-
-    a: str
-    b: str
-    correlation: float
-    factor: float
-    known_to: float
-
-
-def aliased_pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
-    """Pairs with a correlation of at least CORRELATED, strongest first, each with the combination that is fixed."""
-    names, covariance = fit.names, fit.covariance * np.outer(slopes(fit), slopes(fit))
-    sd = np.sqrt(np.diag(covariance))
-    pairs = []
-    for a in range(len(names)):
-        for b in range(a + 1, len(names)):
-            correlation = covariance[a, b] / (sd[a] * sd[b])
-            if abs(correlation) >= CORRELATED:
-                factor = -covariance[a, b] / covariance[b, b]
-                left = covariance[a, a] - covariance[a, b]**2 / covariance[b, b]
-                known_to = float(np.sqrt(max(left, 0.0)))
-                pairs.append(AliasedPair(names[a], names[b], float(correlation), float(factor), known_to))
-    return tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation)))
 
 
 def slopes(fit: MapFit) -> Float[np.ndarray, " p"]:
@@ -232,12 +206,17 @@ def say_scatter(fit: MapFit) -> Iterable[str]:
 
 def say_identified(fit: MapFit) -> Iterable[str]:
     """What these shots cannot tell apart, or on their own not at all."""
-    pairs, share = aliased_pairs(fit), dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
-    silent = [name for name in fit.names if share[name] > KNOWN]
-    for pair in pairs:
-        sign = "+" if pair.factor >= 0.0 else "-"
-        yield (f"{pair.a} and {pair.b} are hard to tell apart: correlation {pair.correlation:.2f}; this dataset fixes "
-               f"{pair.a} {sign} {number_text(abs(pair.factor))} {pair.b}, to {number_text(pair.known_to)}")
+    names, share = fit.names, dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
+    covariance = fit.covariance * np.outer(slopes(fit), slopes(fit))
+    alike = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    pairs = [pair for pair in combinations(range(len(names)), 2) if abs(alike[pair]) >= CORRELATED]
+    silent = [name for name in names if share[name] > KNOWN]
+    for a, b in sorted(pairs, key=lambda pair: -abs(alike[pair])):
+        factor = -covariance[a, b] / covariance[b, b]
+        known_to = np.sqrt(max(covariance[a, a] + factor * covariance[a, b], 0.0))
+        both = f"{names[a]} {'+' if factor >= 0.0 else '-'} {number_text(abs(factor))} {names[b]}"
+        yield (f"{names[a]} and {names[b]} are hard to tell apart: correlation {alike[a, b]:.2f}; this dataset fixes "
+               f"{both}, to {number_text(known_to)}")
     for name in silent:
         yield (f"{name}: these shots say hardly more than was believed before ({share[name]:.0%} of the prior's "
                "standard deviation is left)")

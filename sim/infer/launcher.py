@@ -26,9 +26,7 @@ from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import CURVE, NAMELESS, Catalogue, as_catalogue, find_parameter, find_terms
 from truearc.sim.physics.term import (
     LOG,
-    SELDOM,
     Parameter,
-    Prior,
     WatchTerm,
     complete,
     fits_scale,
@@ -331,31 +329,25 @@ def odd_places(scores: ScoreTable, among: Catalogue) -> dict[str, str]:
     """Return {name: remark} of fitted coefficients that lie where physics seldom has them; those that an earlier
     session's data have told are not asked about again.
 
-    These are numbers beyond the range that their parameter declares, where the data raise the odds of that STRONG
-    times, and numbers so far out in the catalogue's prior that a share ODD of rigs have any.
+    These are numbers below the range that their parameter declares (no fit goes above), where the data raise the odds
+    of that STRONG times, and numbers so far out in the catalogue's prior that a share ODD of rigs have any.
     """
-    found, sd = dict[str, str](), np.sqrt(np.diag(scores.covariance))
-    columns = [(k, scores.columns[k]) for k in believed_columns(scores, among) if not scores.columns[k].told]
-    asked = [(column, float(scores.point[k]), float(sd[k]), one, one.prior) for k, column in columns
-             if among.get(column.term) is not None and (one := find_parameter(column.name, among)).prior is not None]
-    limit = float(ndtri(1.0 - 0.5 * ODD / max(sum(column.kind == "shared" for column, *_ in asked), 1)))
-    for column, value, own, one, prior in asked:
-        for sign, end, word, meaning in ((1.0, one.low, "below", one.below), (-1.0, one.high, "above", SELDOM)):
-            before, after = ndtr(sign * _place(prior, end) / WEAKER), ndtr(sign * (end - value) / own)
-            if after > 0.5 and after * (1.0 - before) > STRONG * before * (1.0 - after):
-                found[column.name] = f"{column.name} is {word} {end:g} ({value:.3g}), {meaning}"
-        off = abs(_place(prior, value))
-        if column.name not in found and column.kind == "shared" and limit < off < math.inf:
-            found[column.name] = (f"{column.name} {value:.3g} is {off:.1f} standard deviations from the usual "
-                                  f"{prior.centre:g} ({prior.reason}): it may stand for an effect that is missing")
+    asked = [(k, scores.columns[k], one, one.prior) for k in believed_columns(scores, among)
+             if among.get(scores.columns[k].term) is not None and not scores.columns[k].told
+             and (one := find_parameter(scores.columns[k].name, among)).prior is not None]
+    limit = float(ndtri(1.0 - 0.5 * ODD / max(sum(column.kind == "shared" for _, column, *_ in asked), 1)))
+    found = {}
+    for k, column, one, prior in asked:
+        value, places = float(scores.point[k]), [
+            (to_scale(prior.scale, number) - to_scale(prior.scale, prior.centre)) / prior.sd
+            if fits_scale(prior.scale, number) else -math.inf for number in (one.low, float(scores.point[k]))]
+        before, after = ndtr(places[0] / WEAKER), ndtr((one.low - value) / scores.covariance[k, k]**0.5)
+        if after > 0.5 and after * (1.0 - before) > STRONG * before * (1.0 - after):
+            found[column.name] = f"{column.name} is below {one.low:g} ({value:.3g}), {one.below}"
+        elif column.kind == "shared" and limit < abs(places[1]) < math.inf:
+            found[column.name] = (f"{column.name} {value:.3g} is {abs(places[1]):.1f} standard deviations from the "
+                                  f"usual {prior.centre:g} ({prior.reason}): it may stand for a missing effect")
     return found
-
-
-def _place(prior: Prior, number: float) -> float:
-    """Standard deviations of a number from the prior's centre, on its scale."""
-    if not fits_scale(prior.scale, number):
-        return -math.inf if prior.scale == LOG else math.inf
-    return float((to_scale(prior.scale, number) - to_scale(prior.scale, prior.centre)) / prior.sd)
 
 
 def sought_of(layout: Layout) -> tuple[Sought, ...]:

@@ -103,8 +103,6 @@ def _minus(a: Any, b: Any) -> Any:
 LINEAR, LOG, LEFT = "linear", "log", "left"
 SCALES = (LINEAR, LOG, LEFT)
 
-SELDOM = "which physics seldom has"   # of a number outside the range that its parameter declares
-
 Shown = tuple[float, str]             # factor from the parameter's unit, unit as text with its space
 SHARE: Shown = (100.0, " %")
 ANGLE: Shown = (1.0, "°")
@@ -154,7 +152,7 @@ class Parameter:
     by_ball: float = 0.0
     fit_each_ball: bool = False
     percent: bool = False
-    below: str = SELDOM
+    below: str = "which physics seldom has"
 
 
 def amplitude(name: str, unit: str, low: float, high: float, *, sd: float, meaning: str, source: str, reason: str,

@@ -36,7 +36,7 @@ def test_a_row_that_is_there_twice_is_noted() -> None:
     for column in (distance, hood, ratio):
         column[[7, 9]] = column[[5, 5]]
     said, = notes(distance_m=distance, hood_deg=hood, motor_ratio=ratio, t_s=None)
-    assert said.startswith("2 rows are the same as an earlier one but for the name (first s7 as s5, s9 as s5)")
+    assert said.startswith("rows that repeat an earlier one but for the name: 2 (s7 as s5, s9 as s5); ")
 
 
 def test_repeated_settings_without_times_are_no_copies() -> None:
@@ -46,7 +46,7 @@ def test_repeated_settings_without_times_are_no_copies() -> None:
 
 def test_two_shots_of_one_instant_are_noted() -> None:
     said, = notes(t_s=counted(11.0, 11, 12))
-    assert said.startswith("t_s: 1 shot is of the same instant as an earlier one (first s12 as s11)")
+    assert said.startswith("t_s: shots of the instant of an earlier one: 1 (s12 as s11); ")
     assert notes(t_s=counted(11.0, 11, 12), session=["a"] * 12 + ["b"] * 28) == ()
 
 
@@ -67,7 +67,7 @@ def test_empty_cells_are_counted_by_column() -> None:
 
 @pytest.mark.parametrize(("outcome", "said"), [
     (["three", "two"], "only makes: nothing can be learnt about misses; "),
-    (["miss", "miss"], "only misses: nothing can be learnt about what scores; ")])
+    (["miss", "miss"], "only misses: nothing can be learnt about makes; ")])
 def test_outcomes_of_one_kind_are_noted_unless_more_was_seen(outcome: list[str], said: str) -> None:
     line, = notes(outcome=outcome * (SHOTS // 2))
     assert line.startswith(said)

@@ -201,7 +201,7 @@ def test_a_coefficient_beyond_its_declared_range_is_remarked() -> None:
     for value, remarked in ((0.05, False), (-0.002, False), (-0.05, True)):
         said = odd(0.01, magnus__cl=value)
         assert any("magnus.cl is below 0" in line and "clock_deg" in line for line in said.values()) == remarked
-    assert odd(0.01, drag__cd=5.2)["drag.cd"] == "drag.cd is above 5 (5.2), which physics seldom has"
+    assert odd(0.1, spin_decay__rate_per_s=-0.4)["spin_decay.rate_per_s"].endswith("which physics seldom has")
 
 
 def test_a_ball_that_leaves_faster_than_its_wheels_is_remarked() -> None:
