@@ -60,6 +60,7 @@ from truearc.sim.discover.finding import Adoption, FitSummary
 from truearc.sim.discover.identifiability import UNTOUCHED, Sight, TermIdentifiability
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis, weigh
 from truearc.sim.discover.select.terms import NEVER, SURE, Naming, name_terms
+from truearc.sim.infer.intervals import NumberChange
 from truearc.sim.infer.launcher import STRONG, LauncherFit
 from truearc.sim.infer.likelihood.data import Each
 from truearc.sim.infer.likelihood.score_table import Column, clustered_error, folds_of
@@ -357,7 +358,7 @@ class Judgement(NamedTuple):
 
     verdict: str
     terms: tuple[str, ...] | None
-    rivals: tuple[battery.NumberChange, ...]
+    rivals: tuple[NumberChange, ...]
 
 
 def verdict_of(first: Step, fitted: LauncherFit, home: LauncherFit | None) -> Judgement:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.intervals import KNOWN, ProfileInterval, TrackerError, tracker_errors
+from truearc.sim.infer.intervals import KNOWN, NumberChange, ProfileInterval, tracker_errors
 from truearc.sim.infer.launcher import MapFit, Sought, odd_places
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
 from truearc.sim.infer.likelihood.noise import UNMEASURED_M
@@ -21,11 +21,6 @@ from truearc.sim.statistics import Z90
 
 # Chosen: only a fifth of either's variance is left by the other
 CORRELATED = 0.9                      # pairs from here on are named
-
-
-def slopes(fit: MapFit) -> Float[np.ndarray, " p"]:
-    """d value / d (prior standard deviation) [p] at the optimum: from units of the prior to the parameter's own."""
-    return np.array([one.sd * one.slope(float(fit.scores.point[one.column])) for one in fit.sought])
 
 
 # Chosen: below what sensors tell apart
@@ -140,18 +135,17 @@ def say_evidence(fit: MapFit) -> Iterable[str]:
                "shots; truearc discover looks for one that does")
 
 
-def say_tracker_errors(errors: Iterable[Sequence[TrackerError]], among: Catalogue) -> list[str]:
+def say_tracker_errors(errors: Iterable[Sequence[NumberChange]], among: Catalogue) -> list[str]:
     """A sentence on each set of errors of the tracker that is known, with 90 % intervals, without a full stop."""
     return [f"the tracker is off: {', or '.join(_error_text(one, among) for one in found)}"
             + (", or a part of each: measure one" if len(found) > 1 else "; measure it") for found in errors]
 
 
-def _error_text(one: TrackerError, among: Catalogue) -> str:
-    (term,) = among.find([one.column.term])
-    phrase, size = term.phrase, abs(one.size * term.phrase.factor)
-    half = Z90 * one.sd * phrase.factor
+def _error_text(one: NumberChange, among: Catalogue) -> str:
+    phrase = among.find([one.name.partition(".")[0]])[0].phrase
+    size, half = abs(one.change) * phrase.factor, Z90 * one.sd * phrase.factor
     places = max(-math.floor(math.log10(half)), 0)
-    return (phrase.less if one.size < 0.0 else phrase.more).format(
+    return (phrase.less if one.change < 0.0 else phrase.more).format(
         f"{size:.{places}f} (± {half:.{places}f}){phrase.unit}")
 
 
@@ -207,7 +201,8 @@ def say_scatter(fit: MapFit) -> Iterable[str]:
 def say_identified(fit: MapFit) -> Iterable[str]:
     """What these shots cannot tell apart, or on their own not at all."""
     names, share = fit.names, dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
-    covariance = fit.covariance * np.outer(slopes(fit), slopes(fit))
+    own = np.array([one.sd * one.slope(float(fit.scores.point[one.column])) for one in fit.sought])     # units
+    covariance = fit.covariance * np.outer(own, own)
     alike = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     pairs = [pair for pair in combinations(range(len(names)), 2) if abs(alike[pair]) >= CORRELATED]
     silent = [name for name in names if share[name] > KNOWN]

@@ -38,7 +38,7 @@ from truearc.sim.infer.fit import climb, objective
 from truearc.sim.infer.launcher import MapFit, Sought
 from truearc.sim.infer.likelihood.layout import MOVES, is_tracker, own_slope
 from truearc.sim.infer.likelihood.noise import WEAKER
-from truearc.sim.infer.likelihood.score_table import Column, ScoreTable, fit_linear, log_posterior
+from truearc.sim.infer.likelihood.score_table import ScoreTable, fit_linear, log_posterior
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.statistics import Z90
 
@@ -82,16 +82,19 @@ MOST_TOGETHER = 3                     # errors of which one is there; chosen: a 
 
 
 @dataclass(frozen=True)
-class TrackerError:
-    """An error of the tracker that is there: `size` with `sd`, in the column's unit, if the others beside it are 0."""
+class NumberChange:
+    """Column, with the probability that it changed, and the change [its unit] if it did."""
 
-    column: Column
-    size: float
+    name: str
+    unit: str
+    probability: float
+    change: float
     sd: float
 
 
-def tracker_errors(evidence: ScoreTable, among: Catalogue) -> tuple[tuple[TrackerError, ...], ...]:
-    """Return the errors of the tracker that are known: one alone, or two or three of which one at least is there.
+def tracker_errors(evidence: ScoreTable, among: Catalogue) -> tuple[tuple[NumberChange, ...], ...]:
+    """Return the errors of the tracker that are known, as changes from 0: one alone, or two or three of which one at
+    least is there, each as likely.
 
     Of two errors that do much the same to tracks, such as of lengths and of the clock, neither may be known although
     one combination of them is. Each member of a set is then far from 0 where the others are 0: their t statistics
@@ -115,8 +118,8 @@ def tracker_errors(evidence: ScoreTable, among: Catalogue) -> tuple[tuple[Tracke
         sd = np.maximum(np.diag(by_model)**-0.5, np.diag(sandwich)**-0.5)
         if not any(set(one) <= set(subset) for one in found) and (np.abs(size) > limit * sd).all():
             found.append(subset)
-            errors.append(tuple(TrackerError(evidence.columns[k], float(much), float(half))
-                                for k, much, half in zip(own, size, sd, strict=True)))
+            errors.append(tuple(NumberChange(evidence.columns[k].name, evidence.columns[k].unit, 1.0 / len(subset),
+                                             float(size[n]), float(sd[n])) for n, k in enumerate(own)))
     return tuple(errors)
 
 

@@ -43,7 +43,7 @@ from scipy.stats import multivariate_normal
 
 from truearc.sim.discover.detect import covariates as functions
 from truearc.sim.discover.detect.covariates import SAME_SHAPE, Covariate, Factor, Look, WeightFunction, weights_of
-from truearc.sim.infer.intervals import estimate_by_shots
+from truearc.sim.infer.intervals import NumberChange, estimate_by_shots
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.printed import Progress
@@ -381,17 +381,6 @@ def _join(parts: list[Scores]) -> Scores:
 # Chosen: a tracker that was moved has changed in several numbers one time in ten
 ODDS = 0.1                            # a priori, of one more number that changed, or of another term instead
 LEAST = 0.05                          # probability from which a number or term is listed; chosen: one in twenty
-
-
-@dataclass(frozen=True)
-class NumberChange:
-    """Column, with the probability that it changed, and the change [its unit] if it did."""
-
-    name: str
-    unit: str
-    probability: float
-    change: float
-    sd: float
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
 from truearc.sim.discover.decide import LIKELY, Search, Step, opening_of, verdict_of
 from truearc.sim.discover.detect import battery
-from truearc.sim.discover.detect.battery import Asked, Judged, NumberChange, can_compare, compare_trackers, name_of
+from truearc.sim.discover.detect.battery import Asked, Judged, can_compare, compare_trackers, name_of
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
 from truearc.sim.discover.detect.localization import Place, contrast_of, size_weights, times_of
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
@@ -22,7 +22,7 @@ from truearc.sim.discover.report.finding_text import say_improbable
 from truearc.sim.discover.select.simulations import end_errors, side_errors, times_off
 from truearc.sim.discover.select.terms import posterior_amplitude
 from truearc.sim.infer.fit_report import say_tracker_errors
-from truearc.sim.infer.intervals import TrackerError, tracker_errors
+from truearc.sim.infer.intervals import NumberChange, tracker_errors
 from truearc.sim.infer.launcher import LauncherFit, improbable, odd_places, stopped
 from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.data import Intake, number_columns
@@ -118,10 +118,9 @@ def _nothing(data: parts.DataSummary, mismatch: parts.Mismatch, fit: FitSummary,
 TrackerFinding = tuple[FoundEffect | UnsetType, str, tuple[dict[str, Any], ...]]
 
 
-def _wrong_tracker(errors: Sequence[Sequence[TrackerError]], among: Catalogue) -> TrackerFinding:
-    """As _tracker, of errors that these tracks show by themselves; each of a set is as likely as the others."""
-    what = tuple(_changed(NumberChange(one.column.name, one.column.unit, 1.0 / len(found), one.size, one.sd), among)
-                 for found in errors for one in found)
+def _wrong_tracker(errors: Sequence[Sequence[NumberChange]], among: Catalogue) -> TrackerFinding:
+    """As _tracker, of errors that these tracks show by themselves."""
+    what = tuple(_changed(one, among) for found in errors for one in found)
     names = tuple(dict.fromkeys(one.term for one in what))
     said = "".join(f" {line[:1].upper()}{line[1:]}." for line in say_tracker_errors(errors, among))
     return (FoundEffect(what, None if all(len(found) == 1 for found in errors) else names, None),
