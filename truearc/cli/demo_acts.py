@@ -236,7 +236,8 @@ def say_limits(event: Act, control: Act) -> str:
     alike = [plain(one.term) for one in (*event.finding.effects[:1], *event.finding.alternatives)]
     blind = control.finding.sentence.partition(SEEN)[2].partition("; best next")[0].partition(". ")[0]
     line = f"These marks cannot tell {either(alike[:LISTED + 1], 'from')}. " if len(alike) > 1 else ""
-    return line + (f"{'They' if line else 'These marks'} {SEEN}{blind}." if blind else "") or "Marks do not show in which part a difference arises."
+    unseen = f"{'They' if line else 'These marks'} {SEEN}{blind}." if blind else ""
+    return line + unseen or "Marks do not show in which part a difference arises."
 
 
 def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> Path:
