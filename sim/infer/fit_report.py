@@ -210,8 +210,9 @@ def say_identified(fit: MapFit) -> Iterable[str]:
         factor = -covariance[a, b] / covariance[b, b]
         known_to = np.sqrt(max(covariance[a, a] + factor * covariance[a, b], 0.0))
         both = f"{names[a]} {'+' if factor >= 0.0 else '-'} {number_text(abs(factor))} {names[b]}"
+        at = fit.values[names[a]] + factor * fit.values[names[b]]
         yield (f"{names[a]} and {names[b]} are hard to tell apart: correlation {alike[a, b]:.2f}; this dataset fixes "
-               f"{both}, to {number_text(known_to)}")
+               f"{both} at {number_text(at)}, to {number_text(known_to)}")
     for name in silent:
         yield (f"{name}: these shots say hardly more than was believed before ({share[name]:.0%} of the prior's "
                "standard deviation is left)")
