@@ -55,7 +55,7 @@ ABSURD, MISFIT = 5.0, 2.0             # times the usual scatter of a launch, or 
 FEW = 200                             # outcomes up to which the likelihood may have several tops
 # Derived: normal quantile 0.995
 IMPROBABLE = 2.58                     # prior standard deviations that a hundredth of the prior lies beyond
-# Chosen: as FALSE_ALARM; each of k numbers then has ODD / k
+# Chosen: as FALSE_ALARM; each of k numbers then has ODD / k. Measured: of 60 sound simulated datasets none has one
 ODD = 0.05                            # share of rigs, as the priors have them, with a number at an odd place
 STRONG = 10.0                         # factor by which strong evidence raises odds (Jeffreys 1961, appendix B)
 
