@@ -6,6 +6,7 @@ that the caller can warn. A wrong type or a missing required key is an error.
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -40,10 +41,20 @@ class Wheel(Struct, frozen=True):
     clock_deg: float
 
 
+class HoodFacts(Struct, frozen=True):
+    """`map`: measured points (position of the hood's servo, elevation in degrees), by rising position.
+
+    Between two points the elevation is linear in the position, which has any unit and zero.
+    """
+
+    map: tuple[tuple[float, float], ...] = ()
+
+
 class LauncherFacts(Struct, frozen=True):
     release_height_m: float = 0.0
     free_speed_rad_s: float | None = None
     wheel: tuple[Wheel, ...] = ()
+    hood: HoodFacts | UnsetType = UNSET       # as Rig.tracker
 
 
 class Target(Struct, frozen=True):
@@ -182,8 +193,24 @@ def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:
                        ("believe.terms", rig.believe.terms)):
         for name in sorted({name for name in names if names.count(name) > 1}):
             yield key, f"{name!r} stands there more than once; keep one"
+    yield from (("launcher.hood.map", what) for what in _map_errors(rig.launcher.hood))
     if rig.target and rig.target.three_half_height_m > rig.target.two_half_height_m:
         yield "target.three_half_height_m", "exceeds two_half_height_m, but three lies inside two"
+
+
+def _map_errors(hood: HoodFacts | UnsetType) -> Iterator[str]:
+    if isinstance(hood, UnsetType):
+        return
+    points = hood.map
+    steps = list(pairwise(points))
+    if len(points) < 2:
+        yield "needs two measured points or more: [[position, degrees], [position, degrees]]"
+    if any(not position < following for (position, _), (following, _) in steps):
+        yield "positions must rise from point to point"
+    if not all(0.0 <= deg <= 90.0 for _, deg in points):
+        yield "a point is [position, degrees above the horizontal]; degrees are from 0 to 90"
+    if len({deg < following for (_, deg), (_, following) in steps}) > 1 or any(a[1] == b[1] for a, b in steps):
+        yield "degrees must rise at each point, or fall at each"
 
 
 def _leaves(value: Any, key: str) -> list[tuple[str, Any]]:

@@ -159,7 +159,7 @@ def plain(value: object) -> str:
     return {"true": "1", "false": "0"}.get(str(value).strip().lower(), str(value).strip().lower())
 
 
-def _shipped() -> dict[str, str]:
+def installed() -> dict[str, str]:
     """Texts by name, of truearc and of the packages that installed distributions name."""
     folders = (files("truearc.robot.config") / "maps", *(files(point.value) for point in entry_points(group=MAPS)))
     return {one.name.removesuffix(".toml"): one.read_text(encoding="utf-8")
@@ -173,7 +173,7 @@ def load_map(name_or_path: str | Path, is_column: Callable[[str], bool] = lambda
     Raises:
         InputError: names file and key of what is unknown, or the maps that there are.
     """
-    shipped = _shipped()
+    shipped = installed()
     if str(name_or_path) in shipped:
         return _read(shipped[str(name_or_path)], str(name_or_path), is_column)
     if not Path(name_or_path).exists():

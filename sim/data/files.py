@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 import msgspec
 import numpy as np
+from msgspec import UnsetType
 
 from truearc.errors import InputError, load_text, make_toml, near_key, parse_struct, parse_table, reworded, unknown_keys
 from truearc.robot.config.rig_spec import Rig, rig_errors
@@ -67,7 +68,7 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
     """
     if tracks and times:
         raise InputError(f"{times.path}: there are tracks, too: they tell when the ball was where; keep one of the two")
-    shots = cols.in_read_units(shots, cols.is_shot_column, problems)
+    shots = _with_angles(cols.in_read_units(shots, cols.is_shot_column, problems), rig, problems)
     shots, rig = _settle_hits(shots, rig, has_three, problems)
     checked = replace(_shots(shots, problems), written=_names(shots))
     _check_wheels(shots, rig, problems)
@@ -119,6 +120,20 @@ def _shots(table: RawTable, problems: Problems) -> Shots:
         if name in numbers:
             table.fault(problems, -1, name, f"stands without {' and '.join(lacking)}; a spin needs all three parts")
     return Shots(shot_id, numbers, texts, str(table.path))
+
+
+def _with_angles(table: RawTable, rig: Rig, problems: Problems) -> RawTable:
+    """Add hood_deg from hood_position and the rig's measured points; a problem is a position outside of them."""
+    hood = rig.launcher.hood
+    if isinstance(hood, UnsetType) or cols.SERVO not in table.columns or "hood_deg" in table.columns:
+        return table
+    at, deg = zip(*hood.map, strict=True)
+    position = np.array([cols.parse_number(cell) for cell in table.columns[cols.SERVO]], dtype=float)
+    for row in np.flatnonzero((position < at[0]) | (position > at[-1])):
+        table.fault(problems, int(row), cols.SERVO, f"{position[row]:g} is outside the measured points of "
+                    f"launcher.hood.map, {at[0]:g} to {at[-1]:g}: measure one more angle")
+    cells: list[Cell] = [None if np.isnan(one) else float(np.interp(one, at, deg)) for one in position]
+    return replace(table, columns=table.columns | {"hood_deg": cells})
 
 
 def _check_wheels(table: RawTable, rig: Rig, problems: Problems) -> None:

@@ -43,7 +43,7 @@ def _is_kind(name: str, file: str) -> bool:
     return Path(file).suffix.lower() in KINDS.get(suffix, (suffix,))
 
 
-CSV = Importer("csv", ("FILE.csv ...", "FILE.txt ..."), None)
+CSV = Importer("csv", ("FILE.csv ...", "FILE.txt ...", "FILE.xlsx ..."), None)
 
 
 @cache

@@ -69,7 +69,11 @@ def read_csv_log(path: Path, time: str | None, second: float) -> Log:
     """
     with gathered() as problems:
         table = load_table(path, problems)
-    column = TIME if time is None else time
+    return log_of(table, TIME if time is None else time, second)
+
+
+def log_of(table: RawTable, column: str, second: float) -> Log:
+    """Signals of a table, as read_csv_log returns them."""
     if column not in table.columns:
         raise InputError(f"{table.place(-1)}: there is no column {column!r} of time ({', '.join(table.columns)})")
     t_s = np.array([_time(table, row, cell) for row, cell in enumerate(table.columns[column])]) / second

@@ -243,6 +243,7 @@ def as_table(rows: Sequence[Mapping[str, Cell]], path: Path) -> RawTable:
 
 
 PLACE = re.compile(r"#(\d+)")         # a column by its number
+FEWEST_NAMES = 3                      # of a header
 MOST_TITLE = 20                       # lines of a title above the header, less one
 
 
@@ -303,6 +304,19 @@ def table_below(path: Path, is_header: Callable[[set[str], str], bool]) -> RawTa
     with gathered() as problems:
         table = parse_csv("\n" * number + "".join(lines[number:]), path, problems)
     return replace(table, columns={name.strip(): cells for name, cells in table.columns.items()})
+
+
+def any_table(path: Path) -> RawTable:
+    """The table below the first line with names enough for a header, else below the first line."""
+    found = table_below(path, _is_header) or table_below(path, lambda cells, after: True)
+    if found is None:
+        raise InputError(f"{path}:1: the header is missing")
+    return found
+
+
+def _is_header(cells: set[str], _: str) -> bool:
+    names = {name for name in cells if name and not set(name) & set(",;\t")}
+    return len(names) >= FEWEST_NAMES and all(parse_number(name) is None for name in names)
 
 
 def _header(lines: list[str]) -> set[str]:

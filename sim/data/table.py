@@ -11,10 +11,12 @@ import io
 import math
 import re
 import sys
+import zipfile
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +35,7 @@ DECIMAL_POINT = re.compile(r"^\s*[+-]?\d*\.\d+\s*$")
 Cell = str | float | None             # CSV gives text; Parquet numbers, text or None
 # Of a Parquet file: a column of one value has any length in a few bytes, one of measured numbers takes bytes for each.
 MOST_CELLS, CELLS_PER_BYTE = 2_000_000, 20
+XLSX = ".xlsx"
 SHOWN = 20                            # problems a message lists before it only counts
 
 
@@ -182,7 +185,9 @@ def _rows(text: str, path: Path, mark: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def text_of(path: Path) -> str:
-    """A text file; InputError names it, and the line that is not UTF-8."""
+    """A text file, or the first sheet of a workbook as CSV; InputError names it, and the line that is not UTF-8."""
+    if path.suffix.lower() == XLSX:
+        return _text_of_sheet(path)
     data = load_bytes(path)
     if data.startswith(BOM_UTF8):
         print(f"warning: {path}: read without the byte-order mark that it begins with", file=sys.stderr)
@@ -192,6 +197,43 @@ def text_of(path: Path) -> str:
         line = data.count(b"\n", 0, error.start) + 1
         raise InputError(f"{path}:{line}: not UTF-8 text; save the table as UTF-8 (in a spreadsheet: CSV UTF-8)"
                          ) from error
+
+
+def _text_of_sheet(path: Path) -> str:
+    """A line for each row: dates as in ISO 8601, of formulas the stored values."""
+    try:
+        from openpyxl import load_workbook
+        from openpyxl.utils.exceptions import InvalidFileException
+    except ModuleNotFoundError as error:
+        raise InputError(f"{path}: needs openpyxl, which is not installed: pip install 'truearc[xlsx]'") from error
+    data = load_bytes(path)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as parts:
+            if sum(part.file_size for part in parts.infolist()) > MAX_BYTES:
+                raise InputError(f"{path}: unpacks to more than {MAX_BYTES} bytes, the most that is read of a table")
+        stored, written = (load_workbook(io.BytesIO(data), data_only=values).worksheets for values in (True, False))
+    except (zipfile.BadZipFile, InvalidFileException, KeyError, ValueError, TypeError, OSError) as error:
+        raise InputError(f"{path}: is not a workbook that can be read; save it as .xlsx again, or as CSV") from error
+    text = io.StringIO()
+    filled = False
+    for values, cells in zip(stored[0].iter_rows(values_only=True), written[0].iter_rows(), strict=True):
+        for value, cell in zip(values, cells, strict=True):
+            if value is None and cell.data_type == "f":
+                raise InputError(f"{path}:{cell.row}: {cell.coordinate} has a formula without a stored value; open the "
+                                 "workbook in a spreadsheet program and save it")
+        row = [_sheet_cell(value) for value in values]
+        filled |= any(row)
+        csv.writer(text).writerow(row)
+    if not filled:
+        raise InputError(f"{path}: its first sheet, {stored[0].title!r}, is empty; move the table there")
+    return text.getvalue()
+
+
+def _sheet_cell(value: object) -> str:
+    if isinstance(value, datetime):
+        return value.isoformat(" ").removesuffix(" 00:00:00")
+    plain = str(value).lower() if isinstance(value, bool) else "" if value is None else str(value)
+    return " ".join(plain.splitlines()) if "\n" in plain else plain
 
 
 def _load_parquet(path: Path) -> RawTable:
@@ -263,6 +305,7 @@ LOWER = {                                                     # the same of a ne
     "hood_deg": "it is the elevation above the horizontal",
 }
 HIT = "hit"                           # an outcome, too, where every hit counts alike
+SERVO = "hood_position"               # of the hood's servo: an angle by launcher.hood.map of the rig, else a covariate
 NO_RANGE = (-math.inf, math.inf)
 ALIKE = 3                                                     # fewest bad numbers of a column that are one problem
 WORDS = {"outcome": OUTCOMES, "side": SIDES}
@@ -271,7 +314,7 @@ SAID_OF_SHOTS = {
     **dict.fromkeys(("1", "1.0", "true", "yes", "y", "goal", "in", "made", "score", "scored", "good", "success"),
                     "hit"),
     **dict.fromkeys(("0", "0.0", "false", "no", "n", "missed", "out", "left", "right", "wide", "fail", "failed",
-                     "rim", "rim out", "bounced", "bounced out"), "miss"),
+                     "rim out", "bounced out"), "miss"),
     **dict.fromkeys(("short", "low", "under", "front"), "miss-low"),
     **dict.fromkeys(("long", "high", "over", "back"), "miss-high"),
     **dict.fromkeys(("redo", "void", "discard", "test", "jam"), "rejected"),
@@ -280,7 +323,7 @@ TODO = {"hit": "; if it says that it went in, write hit", "miss": "; if it says 
         "miss-low": "; write miss, and low in the column side",
         "miss-high": "; write miss, and high in the column side", "rejected": "; leave the cell empty"}
 CORRECTIONS = {**{text: TODO[word] for text, word in SAID_OF_SHOTS.items()},
-               **dict.fromkeys(("rim", "bounced", "bounced out"), "; write hit if it went in, else miss")}
+               **dict.fromkeys(("rim", "bounced", "bounce"), "; write hit if it went in, else miss")}
 TEXTS = ("session", "ball_id")
 
 # An undeclared column is one of numbers when its cells are, or when some are and its name ends in a unit (then
@@ -290,7 +333,7 @@ UNITS = ("m", "s", "deg", "rad", "rad_s", "rev_s", "m_s", "v", "a", "c", "k", "p
 NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.ASCII | re.IGNORECASE)
 # columns of shots without a range of their own that code reads by name
-OTHERS = ("config_id", "shot_id")
+OTHERS = ("config_id", "shot_id", SERVO)
 # column of shots -> words by which a name means it, unless it or one of these is there
 MEANT_BY: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "shot_id": ({"shot", "id"}, ()),
