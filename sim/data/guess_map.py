@@ -6,9 +6,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from msgspec import structs
+from msgspec import Struct, structs
 
 from truearc.errors import InputError, make_toml
 from truearc.robot.config import shot_map as maps
@@ -21,27 +22,7 @@ from truearc.sim.data.mapped_shots import PLACE, SECONDS, Reading, outcome_text,
 from truearc.sim.data.table import SAID_OF_SHOTS, SERVO, SPELLINGS, RawTable, is_shot_column, parse_number, read_as
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
-WANTED = {"set", "setpoint", "target", "goal", "desired", "reference", "ref", "command", "commanded", "requested",
-          "wanted", "tgt", "cmd"}
-ODD = {"error", "current", "temp", "temperature", "voltage", "volts", "amps", "position", "sigma", "stddev", "std",
-       "rate", "accel", "acceleration", "torque", "raw", "offset", "limit", "tolerance", "spread", "kp", "ki", "kd",
-       "count"}
-SPIN = {"flywheel", "flywheels", "shooter", "wheel", "wheels", "launcher", "top", "bottom", "upper", "lower", "motor"}
-SPEED = {"velocity", "speed", "rpm", "rps", "rad", "rads"}
-TILT = {"angle", "elevation", "pitch"}
-ANGLE = {"position", "deg", "degrees", "rad", "radians", "hood"} | TILT
-OUTCOME = {"outcome", "outcomes", "result", "results", "score", "scored", "hit", "made", "success", "successful"}
-SCORED = {"scored", "successful", "success", "hit", "made"}
-FEEDER = {"feed", "feeder", "feeding", "kicker", "indexer", "trigger", "fire", "firing", "shoot", "shooting"}
-TIMES = {"time", "timestamp", "clock"}
-DURATIONS = {"flight", "air", "hang", "spinup", "up", "recovery"}
-TEXTS = {"ball_id": {"ball"}, "session": {"session", "day", "date", "practice"}}
-NUMBERED = {"shot", "order", "number", "no", "nr", "index", "trial", "attempt", "id", "name"}
-VERTICAL = {"vertical", "zenith", "plumb"}             # from which an angle is counted
-FILLERS = {"miss", "missed", "too", ""}                # beside a word that says more
-IDLE = {"", "idle", "ready", "waiting", "unknown", "null", *(text for text, word in SPELLINGS.items() if not word)}
-YES_NO = {"0", "1", "yes", "no", "y", "n"}
-POINTS = ({"0", "1"}, {"0", "2", "3"}, {"0"}, {"1"})   # outcomes as numbers
+POINTS = {"0", "1"}, {"0", "2", "3"}  # outcomes as numbers
 SPANS = {MOTOR: (20.0, 3000.0), SERVO: (0.0, 1.0)}     # of a wheel that throws, at its fastest; of a servo
 NEARLY_ALL = 0.9                      # share of the numbers that are within the span: -1 is often none
 MOST_RAD = 1.6                        # angles up to here are no degrees
@@ -58,9 +39,8 @@ GEARED = ("motor_rad_s: taken to be the speed of the motors; where it is that of
           "times = 1 / gear")
 TWO_POINTS = (": a servo's position, not an angle; measure two angles or more, and state them in rig.toml: "
               "[launcher.hood] map = [[0.2, 35.0], [0.8, 58.0]]")
-# words of outcomes that people use of both twos and misses, and what is proposed
-OPEN = {**dict.fromkeys(("rim", "bounce", "bounced", "bank", "backboard", "edge", "lip", "outer"), "two"),
-        **dict.fromkeys(("inner", "centre", "center", "swish", "clean"), "three")}
+# words of outcomes that may be a miss, too -> what is proposed
+OPEN = {text: word for word, texts in cols.VOCABULARY["open"].items() for text in texts}
 
 
 @dataclass(frozen=True)
@@ -68,23 +48,21 @@ class Names:
     """Words of a signal's name: one of `nouns`, or of `loose` where signals are few; one of `kinds`, or such a unit;
     none of `never`."""
 
-    nouns: Set[str]
+    nouns: Set[str] = frozenset()
     loose: Set[str] = frozenset()
     kinds: Set[str] = frozenset()
-    never: Set[str] = frozenset(WANTED)
+    never: Set[str] = frozenset()
 
 
-NAMED = {
-    "distance_m": Names({"distance", "dist", "range"}, never=WANTED - {"target", "goal"}),
-    "hood_deg": Names({"hood", "pivot", "elevation", "pitch"}, {"angle"}, ANGLE,
-                      WANTED | {"turret", "robot", "heading", "yaw", "azimuth", "gyro", "exit", "entry"}),
-    SERVO: Names({"hood", "pivot"}, {"servo"}, {"position", "pos", "servo", "hood"}, WANTED | TILT),
-    MOTOR: Names(SPIN, {"speed", "velocity", "rpm", "rps"}, SPEED,
-                 WANTED | {"exit", "ball", "robot", "wind", "drive", "feeder", "intake", "spin", "backspin"}),
-    "battery_v": Names({"battery", "bus"}, {"voltage", "volts"}, never=WANTED | {"motor", "sensor"}),
-    "temperature_c": Names(set(), {"temp", "temperature"}, never={"motor", "wheel", "flywheel", "battery", "ball"}),
-    "t_s": Names(set(), TIMES, never=DURATIONS),
-}
+def _words(listed: Sequence[str]) -> frozenset[str]:
+    """The words of a list of words.toml, and of the groups that it names."""
+    return frozenset(one for word in listed
+                     for one in (_words(cols.VOCABULARY["groups"][word[1:]]) if word.startswith("@") else (word,)))
+
+
+GROUPS = {name: _words(listed) for name, listed in cols.VOCABULARY["groups"].items()}
+NAMED = {column: Names(**{kind: _words(listed) for kind, listed in kinds.items()})
+         for column, kinds in cols.VOCABULARY["names"].items()}
 # what is needed -> the other columns that stand for it
 NEEDED = {"distance_m": (), "hood_deg": ("exit_deg",), MOTOR: ("motor_ratio", "exit_speed_m_s")}
 
@@ -104,26 +82,27 @@ class Guess:
 
     def to_toml(self) -> str:
         """The map as a shots.toml, with those lines as comments."""
-        columns = {name: _plain(said) for name, said in self.map.columns.items()}
-        shots = {name: _plain(said) for name in ("wheel", "set_point", "feed")
-                 if (said := getattr(self.map.shots, name))}
-        outcome = {name: said for name in ("key", "values", "buttons") if (said := getattr(self.map.outcome, name))}
-        rows = {} if self.map.rows == "time" else {"rows": self.map.rows}
-        time = {} if self.map.time == TimeColumn() else {"time": structs.asdict(self.map.time)}
-        table = {"schema": maps.SCHEMA, **rows, "columns": columns, **time, **({"shots": shots} if shots else {}),
-                 **({"outcome": outcome} if outcome else {})}
         lines = ("".join(mark if mark.isprintable() else " " for mark in line) for line in self.lines)
-        return "".join(f"# {line}\n" for line in lines) + make_toml(table)
+        return "".join(f"# {line}\n" for line in lines) + make_toml({"schema": maps.SCHEMA, **_stated(self.map)})
 
 
-def _plain(said: str | Signal) -> str | dict[str, object]:
-    return said if isinstance(said, str) else {name: value for name in ("key", "unit", "times", "plus")
-                                               if (value := getattr(said, name)) != getattr(Signal(""), name)}
+def _stated(value: Any) -> Any:
+    """A struct as a table of the keys that are not as without a statement."""
+    if isinstance(value, dict):
+        return {key: _stated(part) for key, part in value.items()}
+    return value if not isinstance(value, Struct) else {
+        one.name: _stated(part) for one in structs.fields(value) if (part := getattr(value, one.name)) != one.default
+        and part != {}}
 
 
 def words_of(key: str) -> list[str]:
     """The words of a key, in small letters: FlywheelRPM has two."""
     return [word.lower() for word in WORD.findall(key)]
+
+
+def says(key: str, *groups: str) -> Set[str]:
+    """The words of a key that are in one of some groups of words.toml."""
+    return {*words_of(key)} & frozenset().union(*(GROUPS[group] for group in groups))
 
 
 def unit_said(series: Series) -> str:
@@ -134,7 +113,7 @@ def unit_said(series: Series) -> str:
 def unit_seen(series: Series, column: str) -> str:
     """The unit that the numbers have by their size, where that is certain; else ""."""
     top = _top(series)
-    if column == "hood_deg" and top <= MOST_RAD and TILT & set(words_of(series.name)):
+    if column == "hood_deg" and top <= MOST_RAD and says(series.name, "tilt"):
         return "rad"
     return next(unit for unit, least in EPOCH if top > least) if column == "t_s" and top > EPOCH[1][1] else ""
 
@@ -149,9 +128,9 @@ def time_column(table: RawTable) -> TimeColumn | None:
     if {TIME, KEY, VALUE} <= set(table.columns):
         return TimeColumn()
     for name in sorted(table.columns, key=lambda name: name != TIME):
-        said = set(words_of(name))
         numbers = np.array([number for cell in table.columns[name] if (number := parse_number(cell)) is not None])
-        if not TIMES & said or DURATIONS & said or len(numbers) < LEAST_ROWS or 2 * len(numbers) < len(table.lines):
+        if (not says(name, "times") or says(name, "durations")
+                or len(numbers) < max(LEAST_ROWS, 0.5 * len(table.lines))):
             continue
         steps = np.abs(np.diff(numbers))
         step = float(np.median(steps))
@@ -215,6 +194,8 @@ class _Guessing:
             shot_map = structs.replace(shot_map, shots=self._detection())
         outcome, asked, proposed = OutcomeKeys(), "", dict[str, str]()
         if found is None:
+            if outcomes:
+                raise InputError(f"{self.name}: outcomes: {', '.join(outcomes)}: there is no signal of outcomes")
             outcome, line = self._boolean(shot_map)
             self.lines.append(line)
         else:
@@ -232,17 +213,14 @@ class _Guessing:
 
     def _key(self, key: str) -> str:
         """A column as a map names it: one that is called #2 by its place."""
-        return f"#{list(self.all).index(key) + 1}" if self.tables and PLACE.fullmatch(key) else key
+        return f"#{list(self.tables[0].columns).index(key) + 1}" if self.tables and PLACE.fullmatch(key) else key
 
     def _take_own(self, key: str) -> None:
         """A column that is called as one of shots.csv."""
         column, *_ = read_as(key, is_shot_column)
-        series = self.free[key]
-        if not is_shot_column(column) or column in self.columns or column in ("outcome", SERVO):
-            return
-        if column == "side" and {str(value).lower() for value in series.values} - {*cols.SIDES}:
-            return
-        if column == "shot_id" and not self._is_name(key):
+        other_sides = {str(value).lower() for value in self.free[key].values} - {*cols.SIDES}
+        if (not is_shot_column(column) or column in ("outcome", SERVO, *self.columns)
+                or (column == "side" and other_sides) or (column == "shot_id" and not self._is_name(key))):
             return
         plain = "_".join(key.lower().split())
         suffix = plain[len(column) - len(maps.unit_of(column)):] if own_unit(column) else ""
@@ -276,8 +254,10 @@ class _Guessing:
         note = (f", in {stated}" if stated else f", in {seen} by the size of its numbers" if seen else
                 f", whose unit is not stated: taken as {own_unit(read)}" if own_unit(read) else "")
         self._take(read, key, stated or seen or own_unit(read), note)
-        if column == "hood_deg" and VERTICAL & set(words_of(key)):
-            self._from_vertical(read)
+        if column == "hood_deg" and says(key, "vertical"):
+            quarter = 90.0 if self.columns[read].unit != "rad" else round(math.pi / 2.0, 6)
+            self.columns[read] = structs.replace(self.columns[read], times=-1.0, plus=quarter)
+            self.lines[-1] += f"; from the vertical, so {quarter:g} less that"
         if read == SERVO:
             self.lines[-1] += TWO_POINTS if self.rig.launcher.hood is UNSET else ": hood_deg is made of it by the rig"
         if read == MOTOR:
@@ -288,7 +268,7 @@ class _Guessing:
         """How much a signal looks like a column by its name, unit and numbers; 0 where it cannot be that."""
         names, words = NAMED[column], words_of(series.name)
         said, nouns = set(words), names.nouns | (names.loose if self.tables or len(self.all) < MOST_LISTED else set())
-        if not series.numeric or not nouns & said or (names.never | (ODD - names.kinds - nouns)) & said:
+        if not series.numeric or not nouns & said or (names.never | (GROUPS["odd"] - names.kinds - nouns)) & said:
             return 0.0
         unit = unit_said(series) or unit_seen(series, column)
         factor = maps.factor_of(column, unit) if unit else None
@@ -313,22 +293,16 @@ class _Guessing:
         inside = column == MOTOR or float(((values >= low) & (values <= high)).mean()) >= NEARLY_ALL
         return low <= top <= high and inside and not impossible.get(column, False)
 
-    def _from_vertical(self, column: str) -> None:
-        """Have the angle's complement read."""
-        unit = self.columns[column].unit
-        quarter = round(math.pi / 2.0, 6) if unit == "rad" else 90.0
-        self.columns[column] = Signal(self.columns[column].key, unit, times=-1.0, plus=quarter)
-        self.lines[-1] += f"; from the vertical, so {quarter:g} less that"
-
     def _take_texts(self) -> None:
         """Names of the ball and of the day, unless each shot has its own; the shots' numbers, as names and order."""
         for key, series in list(self.free.items()):
             said, cells = set(words_of(key)), self.tables[0].columns[key]
-            for column, nouns in TEXTS.items():
-                if column not in self.columns and nouns & said and not said - nouns - NUMBERED and (
+            for column in ("ball_id", "session"):
+                nouns = GROUPS[column]
+                if column not in self.columns and nouns & said and not said - nouns - GROUPS["numbered"] and (
                         None not in cells and 2 * len(set(cells)) <= len(cells)):
                     self._take(column, key)
-            if said - NUMBERED or not (said or key == "#"):
+            if said - GROUPS["numbered"] or not (said or key == "#"):
                 continue
             if "t_s" not in self.columns and series.numeric and _rises(series):
                 self._take("t_s", key, note=": the order of the shots")
@@ -348,15 +322,14 @@ class _Guessing:
             values = values[np.isfinite(values)]
             return (f"  {series.name}: {values.min():.4g} to {values.max():.4g} {unit_said(series)}".rstrip()
                     if len(values) else f"  {series.name}: no numbers")
-        moving = {key: series for key, series in self.all.items()
-                  if series.numeric and (self.tables or len(series.t_s) > 1)}
         kind = "column" if self.tables else "signal"
-        keys = sorted(moving, key=lambda key: (len(np.unique(moving[key].values[:2000])) <= 2, key))
+        keys = sorted((key for key, series in self.all.items() if series.numeric),
+                      key=lambda key: (len(np.unique(self.all[key].values[:2000])) <= 2, key))
         rest = [f"  and {len(keys) - MOST_LISTED} more"] if len(keys) > MOST_LISTED else []
         return InputError("\n".join([
             f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing)}; write a map by hand: "
             "docs/how-to/importing.md", *(f"recognised: {line}" for line in self.lines), f"{kind}s with numbers:",
-            *(told(moving[key]) for key in keys[:MOST_LISTED]), *rest]))
+            *(told(self.all[key]) for key in keys[:MOST_LISTED]), *rest]))
 
     # --- how shots are found in a log
 
@@ -365,18 +338,16 @@ class _Guessing:
         names it."""
         speed = next(said for column, said in self.columns.items() if column == MOTOR or maps.WHEEL.fullmatch(column))
         scale, _ = maps.factor_of(MOTOR, speed.unit) or (1.0, 0.0)
-        top, own = scale * _top(self.all[speed.key]), set(words_of(speed.key))
+        top, own = scale * _top(self.all[speed.key]), {*words_of(speed.key)}
         wanted, feeders = list[tuple[int, int, str]](), list[tuple[int, int, str]]()
         for key, series in self.all.items():
-            said = set(words_of(key))
-            if not series.numeric:
-                continue
-            factor = maps.factor_of(MOTOR, unit_said(series) or speed.unit)
-            if (key != speed.key and WANTED & said and (SPIN | SPEED) & said and not (ODD - {"rad"}) & said and factor
-                    and 0.5 * factor[0] * _top(series) < top < 2.0 * factor[0] * _top(series)):
+            said = {*words_of(key)}
+            factor = maps.factor_of(MOTOR, unit_said(series) or speed.unit) if series.numeric else None
+            if (factor and key != speed.key and says(key, "wanted") and says(key, "spin", "speed")
+                    and not says(key, "odd") - {"rad"} and 0.5 < top / (factor[0] * _top(series) or np.inf) < 2.0):
                 wanted.append((len(own & said), -len(said), key))
-            if FEEDER & said and set(np.unique(series.values).tolist()) == {0.0, 1.0}:
-                feeders.append((len(FEEDER & said), -len(said), key))
+            if (feeds := says(key, "feeder")) and series.numeric and set(np.unique(series.values)) == {0.0, 1.0}:
+                feeders.append((len(feeds), -len(said), key))
         point, feed = max(wanted)[2] if wanted else "", max(feeders)[2] if feeders else ""
         self.lines += [f"set point of the speed: {point or 'none found: spinning down may look like a ball'}",
                        f"feeder: {feed or 'none found: every dip of the speed is a shot'}"]
@@ -392,9 +363,8 @@ class _Guessing:
             cells = ([outcome_text(cell) for table in self.tables for cell in table.columns.get(key, ())] if self.tables
                      else [] if series.numeric else [maps.plain(value) for value in series.changes().values])
             counts = Counter(cells)
-            if series.numeric and counts.keys() - {""} not in POINTS:
-                continue
-            if weight := self._weight(set(words_of(key)), counts):
+            points = any(counts.keys() - {""} <= numbers for numbers in POINTS)
+            if (points or not series.numeric) and (weight := self._weight(key, counts)):
                 found.append((weight, -len(found), key, counts))
         if not found:
             return None
@@ -402,21 +372,21 @@ class _Guessing:
         del self.free[key]
         return key, counts
 
-    def _weight(self, said: set[str], counts: Counter[str]) -> float:
+    def _weight(self, key: str, counts: Counter[str]) -> float:
         """How much speaks for a signal of outcomes; 0: it has none.
 
         Of another name than theirs, all its words must be outcomes, a hit and a miss among them, and not just yes and
         no; in a log, where more than balls is in or out, words of maps.
         """
-        named = bool(OUTCOME & said)
+        said, named = {*words_of(key)}, bool(says(key, "outcome"))
         words = {text: word for text in counts if text and (word := _meaning(text) or OPEN.get(text))
                  and (named or self.tables or text in maps.MARKS or text in maps.NOT_MARKED)}
         known = sum(counts[text] for text in words) / max(sum(counts.values()) - counts[""], 1)
         if len(counts) > MOST_WORDS and known < 0.5:
             return 0.0
-        if named and (words or not said - OUTCOME - NUMBERED) and (self.tables or len(words) > 1):
+        if named and (words or not said - GROUPS["outcome"] - GROUPS["numbered"]) and (self.tables or len(words) > 1):
             return 2.0 + known
-        marks = {word for text, word in words.items() if text not in YES_NO}
+        marks = {word for text, word in words.items() if text not in GROUPS["yes_no"]}
         misses = any(word.startswith("miss") or word in ("low", "high") for word in marks)
         return 1.0 if known == 1.0 and misses and marks & {"hit", "two", "three"} and "side" not in said else 0.0
 
@@ -429,34 +399,31 @@ class _Guessing:
                 raise InputError(f"{self.name}: {key}: {text} = {word}: " + (
                     f"is none of {', '.join(maps.MARKS)}, rejected" if text in counts else
                     f"no outcome is called {text}; there are {', '.join(filter(None, counts))}"))
-        values = {text: word for text in counts if text and (self.tables or text not in IDLE)
-                  and (word := given.get(text) or _meaning(text))}
-        target, words = self.rig.target, set(values.values())
-        counts_alike = target is None or target.hit_or_miss or not (has_three or "three" in words)
-        unclear = {text: "hit" if counts_alike else "three" for text, word in values.items()
-                   if word == "hit" and not counts_alike}
-        hits = [*unclear]
-        unclear |= {text: ("hit" if counts_alike else OPEN[text]) if text in OPEN else "rejected" for text in counts
-                    if text not in values and text and (self.tables or text not in IDLE)}
-        meant = [f"{text} = {word}" for text, word in values.items() if text not in (*unclear, word)]
+        words = {text: given.get(text) or _meaning(text) for text in counts
+                 if text and (self.tables or text not in GROUPS["idle"])}
+        target = self.rig.target
+        hit = "three" if target and not target.hit_or_miss and (has_three or "three" in words.values()) else "hit"
+        unclear = [text for text, word in words.items() if word is None or (word == "hit" and hit == "three")]
+        proposed = {text: hit if word == "hit" else word or (
+            "rejected" if text not in OPEN else OPEN[text] if hit == "three" else hit) for text, word in words.items()}
+        values = {text: word for text, word in words.items() if word and text not in unclear}
+        meant = [f"{text} = {word}" for text, word in values.items() if text != word]
         self.lines.append(f"outcome: {key}" + (f": {', '.join(meant)}" if meant else ""))
         if self.tables and "" in counts:
             self.lines.append(f"outcome: {key}: empty ({times(counts[''])}): left out")
-        proposed = {text: word for text in counts if (word := unclear.get(text, values.get(text, "")))}
+            values[""] = maps.NOT_MARKED[0]
         asked = (f"{self.name}: {key}: the meaning is not certain of "
                  + ", ".join(f"{text!r} ({times(counts[text])})" for text in unclear)
                  + ("; a hit may be a two or a three: where all count alike, state target.three_half_height_m = 0 in "
-                    "rig.toml" if hits else "")
+                    "rig.toml" if any(words[text] for text in unclear) else "")
                  + f". Proposed: {', '.join(f'{text} = {word}' for text, word in proposed.items() if text != word)}"
                  ) if unclear else ""
-        if self.tables and "" in counts:
-            values[""] = maps.NOT_MARKED[0]
         return OutcomeKeys(key=self._key(key), values=values), asked, proposed
 
     def _boolean(self, shot_map: ShotMap) -> tuple[OutcomeKeys, str]:
         """A boolean of a log that names a hit, and what is taken of it."""
         for key, series in () if self.log is None else self.log.items():
-            if SCORED & set(words_of(key)) and series.numeric and {*np.unique(series.values).tolist()} <= {0.0, 1.0}:
+            if says(key, "scored") and series.numeric and set(np.unique(series.values)) <= {0.0, 1.0}:
                 shots = Reading(Path(self.name), self.log or Log({}), shot_map, self.rig).shots()
                 values, said = _state_or_pulse(series, shots.t_s)
                 return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), f"outcome: {key}: {said}"
@@ -481,7 +448,7 @@ def _meaning(text: str) -> str | None:
         return text
     if text in SPELLINGS:
         return SPELLINGS[text] or maps.NOT_MARKED[0]
-    rest = " ".join(word for word in re.split(r"[^\w/]+", text) if word not in FILLERS)
+    rest = " ".join(word for word in re.split(r"[^\w/]+", text) if word not in GROUPS["fillers"])
     word = SAID_OF_SHOTS.get(rest, "")
     return SAID_OF_SHOTS.get(text) or (word if word.startswith("miss") else None)
 

@@ -13,8 +13,8 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import load_rig, states_three
 from truearc.sim.data.guess_map import Guess, guess_map, time_column
 from truearc.sim.data.log import Log, log_of
-from truearc.sim.data.mapped_shots import SECONDS, any_table, read_log, shots_from_logs, shots_from_tables
-from truearc.sim.data.table import XLSX, RawTable, is_shot_column
+from truearc.sim.data.mapped_shots import SECONDS, read_log, shots_from_logs, shots_from_tables
+from truearc.sim.data.table import XLSX, RawTable, any_table, is_shot_column
 from truearc.sim.printed import Progress
 
 TABLES = (".csv", ".txt", ".parquet", XLSX)           # of logs, or with a row per shot

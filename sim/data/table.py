@@ -11,10 +11,11 @@ import io
 import math
 import re
 import sys
+import tomllib
 import zipfile
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -263,6 +264,64 @@ def as_cell(value: object) -> Cell:
     return value if isinstance(value, str) else str(value)
 
 
+FEWEST_NAMES = 3                      # of a header
+MOST_TITLE = 20                       # lines of a title above the header, less one
+
+
+def table_below(path: Path, is_header: Callable[[set[str], str], bool]) -> RawTable | None:
+    """The table below the first line that is a header, by its cells and the line after it; None where none is."""
+    if path.suffix == ".parquet":
+        with gathered() as problems:
+            return load_table(path, problems)
+    lines = text_of(path).splitlines(keepends=True)
+    for number in range(min(MOST_TITLE, len(lines))):
+        if is_header(_header(lines[number:number + MOST_TITLE]), "".join(lines[number + 1:number + 2])):
+            break
+    else:
+        return None
+    width = len(_cells_of(lines[number]))
+    for above, line in enumerate(lines[:number], 1):
+        cells = _cells_of(line)
+        if len(cells) == width and 2 * sum(parse_number(cell) is not None for cell in cells) > width > 1:
+            raise InputError(f"{path}:{above}: a row of numbers stands above the header, which is line {number + 1}")
+    with gathered() as problems:
+        table = parse_csv("\n" * number + "".join(lines[number:]), path, problems)
+    return replace(table, columns={name.strip(): cells for name, cells in table.columns.items()})
+
+
+def any_table(path: Path) -> RawTable:
+    """The table below the first line with names enough for a header, else below the first line."""
+    found = table_below(path, _is_header) or table_below(path, lambda cells, after: True)
+    if found is None:
+        raise InputError(f"{path}:1: the header is missing")
+    return found
+
+
+def _is_header(cells: set[str], _: str) -> bool:
+    names = {name for name in cells if name and not set(name) & set(",;\t")}
+    return len(names) >= FEWEST_NAMES and all(parse_number(name) is None for name in names)
+
+
+def _header(lines: list[str]) -> set[str]:
+    """Cells of the first line, of any separator; a cell in quotes may go on in the next."""
+    cells = set(re.split(r"[,;\t]", lines[0].strip("\r\n")))
+    for mark in ",;\t":
+        with suppress(csv.Error):
+            cells.update(next(csv.reader(lines, delimiter=mark), []))
+    return {cell.strip().strip('"') for cell in cells}
+
+
+def holds_numbers(line: str) -> bool:
+    """Whether each cell of a line that is not empty is a number."""
+    return all(parse_number(cell) is not None for cell in _cells_of(line) if cell)
+
+
+def _cells_of(line: str) -> list[str]:
+    """Cells of a line without quotes around several, numbers with a point."""
+    cells = re.split(r"[;\t]" if ";" in line or "\t" in line else ",", line.strip("\r\n"))
+    return [cell.strip().strip('"').replace(",", ".") for cell in cells]
+
+
 OUTCOMES = ("miss", "two", "three")
 SPELLINGS = {"2": "two", "3": "three", "2.0": "two", "3.0": "three",
              **dict.fromkeys(("n/a", "na", "-", "nan", "none"), "")}
@@ -309,16 +368,9 @@ SERVO = "hood_position"               # of the hood's servo: an angle by launche
 NO_RANGE = (-math.inf, math.inf)
 ALIKE = 3                                                     # fewest bad numbers of a column that are one problem
 WORDS = {"outcome": OUTCOMES, "side": SIDES}
+VOCABULARY = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 # what people write of a shot -> the word of a map (robot/config/shot_map.py)
-SAID_OF_SHOTS = {
-    **dict.fromkeys(("1", "1.0", "true", "yes", "y", "goal", "in", "made", "score", "scored", "good", "success"),
-                    "hit"),
-    **dict.fromkeys(("0", "0.0", "false", "no", "n", "missed", "out", "left", "right", "wide", "fail", "failed",
-                     "rim out", "bounced out"), "miss"),
-    **dict.fromkeys(("short", "low", "under", "front"), "miss-low"),
-    **dict.fromkeys(("long", "high", "over", "back"), "miss-high"),
-    **dict.fromkeys(("redo", "void", "discard", "test", "jam"), "rejected"),
-}
+SAID_OF_SHOTS = {text: word for word, texts in VOCABULARY["outcomes"].items() for text in texts}
 TODO = {"hit": "; if it says that it went in, write hit", "miss": "; if it says that it missed, write miss",
         "miss-low": "; write miss, and low in the column side",
         "miss-high": "; write miss, and high in the column side", "rejected": "; leave the cell empty"}

@@ -23,7 +23,7 @@ from truearc.robot.config.schema import load_config
 from truearc.robot.config.shot_map import load_map
 from truearc.robot.recording.session import TRIALS, load_trials
 from truearc.sim.data.files import load_dataset, save_dataset
-from truearc.sim.data.guess_map import _meaning
+from truearc.sim.data.guess_map import _state_or_pulse
 from truearc.sim.data.log import Series
 from truearc.sim.data.recordings import label_by_repeatability, rule, shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate
@@ -203,7 +203,7 @@ def test_what_a_boolean_means_is_left_open_in_doubt(runs: list[tuple[float, floa
                                                     meant: dict[str, str]) -> None:
     edges = [(-1.0, 0.0), *(edge for up, down in runs for edge in ((up, 1.0), (down, 0.0)))]
     series = Series("Scored", np.array([t_s for t_s, _ in edges]), np.array([value for _, value in edges]))
-    values, said = _meaning(series, np.array(shots))
+    values, said = _state_or_pulse(series, np.array(shots))
     assert values == meant and ("left out:" in said) == (not meant)
 
 
