@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 FORMATS = ("text", "csv", "json", "java", "cpp", "java-6328", "java-254", "csv-2928", "json-3476")
 MOST = 1000                           # distances
 UNIT = re.compile(r"(.*[\d.]) ?([a-z]+)")
+RANGE = re.compile(r"([\d.]*\d) *(?:-|–|to|\.\.) *(\d[\d.]*) ?([a-z]*)")
 
 
 def aim_options(parser: argparse.ArgumentParser) -> None:
@@ -107,6 +108,10 @@ class Distances(tuple[float, ...]):
 
 def parse_distances(text: str) -> Distances:
     """Distances of a list or of LOW:HIGH:STEP; a length's unit may follow the last number."""
+    if ends := RANGE.fullmatch(text):
+        low, high = float(ends[1]), float(ends[2])
+        raise argparse.ArgumentTypeError(f"got {text!r}; from {low:g} to {high:g} is --distances "
+                                         f"{low:g}:{high:g}:{max(high - low, 0.6) / 6.0:.1g}{ends[3]}, with the step")
     stated = UNIT.fullmatch(text)
     if stated is None:
         return Distances(_listed_or_stepped(text))

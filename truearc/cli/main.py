@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import truearc
 from truearc.cli.common import add_force, fresh_outputs, number
+from truearc.cli.file_kinds import misplaced
 from truearc.errors import ELSEWHERE, INSTALL_HINTS, InputError, needs
 
 ENTRY_POINTS = "truearc.commands"
@@ -247,15 +248,18 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(command: Command, words: list[str]) -> int:
+    args = argparse.Namespace()
     try:
         parser = make_parser(command)
         args = parser.parse(words)
+        if message := misplaced(command.name, args):
+            raise InputError(message)
         with fresh_outputs(parser, args):
             code = int(command.load().main(args))
         sys.stdout.flush()
         return code
     except InputError as error:
-        print(f"truearc {command.name}: {error}", file=sys.stderr)
+        print(f"truearc {command.name}: {misplaced(command.name, args, missing=True) or error}", file=sys.stderr)
         return 2
     except BrokenPipeError:
         return _unread()
