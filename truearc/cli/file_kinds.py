@@ -47,32 +47,34 @@ def _kind_of(path: Path) -> str:
     return "launcher" if {"gate", "rig"} & {*tables} else "rig" if tables else "file"
 
 
-def misplaced(command: str, args: argparse.Namespace, missing: bool = False) -> str:
-    """What is wrong with the first argument that names another kind of file than the command takes, or with the first
-    that is missing, and the command to use; "" where there is none."""
+def misplaced(command: str, args: argparse.Namespace, error: str = "") -> str:
+    """What is wrong with the first argument that names another kind of file than the command takes, and the command to
+    use; "" where there is none. error: a message; then of the missing file that it begins with."""
     source = f"{command} {getattr(args, 'source', '')}"
     for name, value in vars(args).items():
         keys = (f"{source}.{name}", f"{command}.{name}", name)
         wanted = next((ARGUMENTS[key] for key in keys if key in ARGUMENTS), [])
-        for path in value if isinstance(value, list | tuple) else [value]:
-            if wanted and isinstance(path, str | Path) and Path(path).exists() != missing and (
-                    message := _objection(command, Path(path), wanted)):
+        paths = [one for one in (value if isinstance(value, list | tuple) else [value]) if isinstance(one, str | Path)]
+        for path in map(Path, paths if wanted else []):
+            concerned = error.startswith((f"{path}:", f"{path}/")) if error else path.exists()
+            if concerned and path.exists() != bool(error) and (message := _objection(command, path, wanted)):
                 return message
     return ""
 
 
 def _objection(command: str, path: Path, wanted: list[str]) -> str:
     kind, expected = kind_of(path), KINDS[wanted[0]]
-    if kind in wanted or (kind == "file" and "folder" not in wanted) or (not kind and "make" not in expected):
+    is_folder = "folder" in expected["noun"]
+    if kind in wanted or (kind == "file" and not is_folder) or (not kind and "make" not in expected):
         return ""
     if "dataset" in wanted and kind and kind_of(path.resolve().parent) == "dataset":
         return f"{path}: is {KINDS[kind]['noun']}; name the folder that it is in: truearc {command} {path.parent}"
     if kind and "use" in KINDS[kind]:
         return f"{path}: is {KINDS[kind]['noun']}, not {expected['noun']}; use: {_line(KINDS[kind]['use'], path)}"
-    made = f"{expected['noun']} is made by: {_line(expected['make'], Path('NEW') if kind else path)}" if "make" in expected else (
-        f"{expected['noun']} is expected")
-    what = f"is {KINDS[kind]['noun']}" if kind else f"there is no such {'folder' if 'folder' in wanted else 'file'}"
-    return f"{path}: {what}; {made}"
+    what = f"is {KINDS[kind]['noun']}" if kind else f"there is no such {'folder' if is_folder else 'file'}"
+    if "make" not in expected:
+        return f"{path}: {what}; {expected['noun']} is expected"
+    return f"{path}: {what}; {expected['noun']} is made by: {_line(expected['make'], Path('NEW') if kind else path)}"
 
 
 def _line(command: str, path: Path) -> str:

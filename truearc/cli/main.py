@@ -259,13 +259,14 @@ def _run(command: Command, words: list[str]) -> int:
         sys.stdout.flush()
         return code
     except InputError as error:
-        print(f"truearc {command.name}: {misplaced(command.name, args, missing=True) or error}", file=sys.stderr)
+        print(f"truearc {command.name}: {misplaced(command.name, args, str(error)) or error}", file=sys.stderr)
         return 2
     except BrokenPipeError:
         return _unread()
     except OSError as error:          # a place that cannot be read or written
         where = "" if error.filename is None else f"{error.filename}: "
-        print(f"truearc {command.name}: {where}{error.strerror or error}", file=sys.stderr)
+        message = f"{where}{error.strerror or error}"
+        print(f"truearc {command.name}: {misplaced(command.name, args, message) or message}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130
