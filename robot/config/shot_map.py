@@ -41,6 +41,7 @@ SUFFIX = re.compile(r"(radians?persec(?:ond)?|rad(?:s)?per?sec|rotations?per(?:s
                     r"meterspersec(?:ond)?|mps|rpm|rps|radians?|rads?|degrees?|degs?|rotations?|rots?|meters?|inches|"
                     r"feet|volts?|seconds?|_rad_s|_m_s|[ _](?:ft|in|cm|mm|yd|m|v|deg|rad))(/\d+|/value)?$",
                     re.IGNORECASE)
+CAMEL = re.compile(r"(?<=[a-z])(MM|Mm|CM|Cm|IN|In|FT|Ft|YD|Yd|M|Deg|DEG|V|Ms|MS)$")      # DistanceMM
 BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\.?\s*[)\]]\s*$")
 
 
@@ -72,7 +73,8 @@ def unit_in(key: str) -> str:
     last = BRACKETS.search(key)
     if last and last[1].lower() in UNITS:
         return UNITS[last[1].lower()]
-    found = SUFFIX.search((key[:last.start()] if last else key).rstrip())
+    plain = (key[:last.start()] if last else key).rstrip()
+    found = SUFFIX.search(plain) or CAMEL.search(plain)
     return UNITS.get(found[1].lower().lstrip("_ "), "") if found else ""
 
 

@@ -272,10 +272,11 @@ def test_what_is_no_log_is_refused(rig: Path, tmp_path: Path) -> None:
     (tmp_path / "a.wpilog").write_bytes(b"no log at all")
     with pytest.raises(ta.InputError, match="is not a WPILOG"):
         ta.import_shots([tmp_path / "a.wpilog"], rig=rig)
-    (tmp_path / "a.csv").write_text("Timestamp,v\n0,1\nx,2\n")
+    loops = "".join(f"{k / 50},1\n" for k in range(30))
+    (tmp_path / "a.csv").write_text(f"Timestamp,v\n0,1\nx,2\n{loops}")
     with pytest.raises(ta.InputError, match=r"a\.csv:3: 'x' is not a time"):
         ta.import_shots([tmp_path / "a.csv"], rig=rig)
-    (tmp_path / "b.csv").write_text("Timestamp,v\n0,1\n1,2\n")
+    (tmp_path / "b.csv").write_text(f"Timestamp,v\n{loops}")
     with pytest.raises(ta.InputError, match="no signal's name, unit and numbers look like distance_m, hood_deg, "):
         ta.import_shots([tmp_path / "b.csv"], rig=rig)
 
