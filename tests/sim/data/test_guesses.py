@@ -135,7 +135,8 @@ def test_a_hit_by_a_map_is_named_by_the_word_of_the_data(tmp_path: Path) -> None
 
 def test_a_logs_uncertain_words_are_asked_about_and_its_idle_ones_are_not(tmp_path: Path) -> None:
     at_s = np.arange(0.0, 40.0, 0.02)
-    rpm = np.where(np.abs(at_s % 10.0 - 5.0) < 0.1, 2700.0, 3000.0) + np.random.default_rng(1).normal(0.0, 5.0, len(at_s))
+    rpm = np.where(np.abs(at_s % 10.0 - 5.0) < 0.1, 2700.0, 3000.0)
+    rpm += np.random.default_rng(1).normal(0.0, 5.0, len(at_s))
     words = ["IDLE" if t % 10.0 < 6.0 or t % 10.0 > 6.5 else ("rim", "three", "miss")[int(t // 10) % 3] for t in at_s]
     lines = [f"{t:.2f},{3.0 + t / 50:.3f},{45 + t / 20:.2f},{speed},{word}"
              for t, speed, word in zip(at_s, rpm, words, strict=True)]

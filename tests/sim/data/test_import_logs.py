@@ -250,7 +250,8 @@ def test_a_csv_table_of_loops_gives_the_same(log: Path, rig: Path, recorded: ta.
 
 
 @pytest.mark.parametrize(("text", "said"), [
-    ("", "schema: missing key"),
+    ("", "shots.toml: is an empty file; a map of columns (shots.toml) is expected"),
+    ("[columns]", "schema: missing key"),
     ('schema = "truearc.shot-map/1"\n[columns]\nhod_deg = "x"', "columns.hod_deg: there is no such column"),
     ('schema = "truearc.shot-map/1"\n[columns]\nhood_deg = { key = "/Hood/PivotPositionRad", unit = "V" }',
      "columns.hood_deg.unit: 'V' is not a unit of hood_deg"),
