@@ -7,11 +7,11 @@ from collections.abc import Callable
 from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
-from truearc.errors import InputError, load_text, parse_struct
+from truearc.errors import InputError, load_text, make_toml, parse_struct
 
 # --- units
 
@@ -202,3 +202,17 @@ def _read(text: str, name: str, is_column: Callable[[str], bool] = lambda name: 
         if word not in MARKS and word not in NOT_MARKED:
             raise InputError(f"{name}: outcome: {key} = {word!r}: is none of {', '.join(MARKS)}, rejected")
     return found
+
+
+def to_toml(shot_map: ShotMap) -> str:
+    """The text of a shots.toml that is read as this map."""
+    return make_toml({"schema": SCHEMA, **_stated(shot_map)})
+
+
+def _stated(value: Any) -> Any:
+    """A struct as a table of the keys that are not as without a statement."""
+    if isinstance(value, dict):
+        return {key: _stated(part) for key, part in value.items()}
+    return value if not isinstance(value, Struct) else {
+        one.name: _stated(part) for one in structs.fields(value)
+        if (part := getattr(value, one.name)) not in (one.default, {})}

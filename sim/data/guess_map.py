@@ -6,18 +6,17 @@ from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from msgspec import Struct, structs
+from msgspec import UNSET, structs
 
-from truearc.errors import InputError, make_toml
+from truearc.errors import InputError
 from truearc.robot.config import shot_map as maps
-from truearc.robot.config.rig_spec import UNSET, Rig
+from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import MOTOR, OutcomeKeys, ShotMap, Signal, TimeColumn, own_unit
 from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Floats
-from truearc.sim.data.log import KEY, TIME, VALUE, Log, Series
+from truearc.sim.data.log import KEY, TIME, VALUE, Log, Series, state_or_pulse
 from truearc.sim.data.mapped_shots import PLACE, SECONDS, Reading, outcome_text, times
 from truearc.sim.data.table import SAID_OF_SHOTS, SERVO, SPELLINGS, RawTable, is_shot_column, parse_number, read_as
 
@@ -31,8 +30,6 @@ MOST_LISTED = 40                      # signals of a message
 MOST_WORDS = 12                       # different texts of a signal of outcomes
 LEAST_V = 5.0                         # of a battery; less is its number
 LEAST_STEP_S, LEAST_ROWS, REGULAR = 0.5, 20, 0.2       # rows of a log are closer, or evenly apart, and so many
-PULSE_S = 0.2, 2.0                    # a fall sooner after a shot is none of its outcome's; a pulse is shorter
-FALLS = 2                             # of a state, at least
 OWN = "truearc"                       # a map that comes with truearc
 NO_OUTCOME = "outcome: none found: state outcome in the map, or shots have none"
 GEARED = ("motor_rad_s: taken to be the speed of the motors; where it is that of the wheels, divide by the gear: "
@@ -83,16 +80,7 @@ class Guess:
     def to_toml(self) -> str:
         """The map as a shots.toml, with those lines as comments."""
         lines = ("".join(mark if mark.isprintable() else " " for mark in line) for line in self.lines)
-        return "".join(f"# {line}\n" for line in lines) + make_toml({"schema": maps.SCHEMA, **_stated(self.map)})
-
-
-def _stated(value: Any) -> Any:
-    """A struct as a table of the keys that are not as without a statement."""
-    if isinstance(value, dict):
-        return {key: _stated(part) for key, part in value.items()}
-    return value if not isinstance(value, Struct) else {
-        one.name: _stated(part) for one in structs.fields(value) if (part := getattr(value, one.name)) != one.default
-        and part != {}}
+        return "".join(f"# {line}\n" for line in lines) + maps.to_toml(self.map)
 
 
 def words_of(key: str) -> list[str]:
@@ -107,7 +95,7 @@ def says(key: str, *groups: str) -> Set[str]:
 
 def unit_said(series: Series) -> str:
     """The unit that the log states, or that the key ends in; readers of the map do not see the log's metadata."""
-    return series.unit or maps.unit_in(series.name) or maps.UNITS.get((words_of(series.name) or [""])[-1], "")
+    return series.unit or maps.unit_in(series.name) or maps.UNITS.get("".join(words_of(series.name)[-1:]), "")
 
 
 def unit_seen(series: Series, column: str) -> str:
@@ -186,7 +174,8 @@ class _Guessing:
             self._take_own(key)
         self._take_needed()
         for column in ("battery_v", "temperature_c", "t_s") if self.tables else ("battery_v",):
-            self._take_number(column, column)
+            if column not in self.columns:
+                self._take_number(column, column)
         if self.tables:
             self._take_texts()
         shot_map = ShotMap(maps.SCHEMA, rows="shot" if self.tables else "time", columns={**self.columns}, time=time)
@@ -243,13 +232,11 @@ class _Guessing:
 
     def _take_number(self, column: str, read: str) -> bool:
         """Take the signal of numbers that looks most like a column; read: as which column of a map."""
-        if read in self.columns:
-            return False
         scored = [(score, -len(key), key) for key, series in self.free.items()
                   if (self.tables or len(series.t_s) > 1) and (score := self._score(series, column)) > 0.0]
         if not scored:
             return False
-        key = max(scored, key=lambda one: one[:2])[2]
+        *_, key = max(scored, key=lambda one: one[:2])
         stated, seen = unit_said(self.free[key]), unit_seen(self.free[key], column)
         note = (f", in {stated}" if stated else f", in {seen} by the size of its numbers" if seen else
                 f", whose unit is not stated: taken as {own_unit(read)}" if own_unit(read) else "")
@@ -317,19 +304,17 @@ class _Guessing:
     def _not_recognised(self, missing: list[str]) -> InputError:
         """Columns that are missing, those that were recognised, and the signals to choose from, those that change
         first."""
-        def told(series: Series) -> str:
-            values = np.asarray(series.values, dtype=float)
-            values = values[np.isfinite(values)]
-            return (f"  {series.name}: {values.min():.4g} to {values.max():.4g} {unit_said(series)}".rstrip()
-                    if len(values) else f"  {series.name}: no numbers")
         kind = "column" if self.tables else "signal"
-        keys = sorted((key for key, series in self.all.items() if series.numeric),
-                      key=lambda key: (len(np.unique(self.all[key].values[:2000])) <= 2, key))
+        moving = {key: series.values[np.isfinite(series.values)] for key, series in self.all.items()
+                  if isinstance(series.values, np.ndarray)}
+        keys = sorted(filter(lambda key: len(moving[key]), moving),
+                      key=lambda key: (len(np.unique(moving[key][:2000])) <= 2, key))
         rest = [f"  and {len(keys) - MOST_LISTED} more"] if len(keys) > MOST_LISTED else []
         return InputError("\n".join([
             f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing)}; write a map by hand: "
             "docs/how-to/importing.md", *(f"recognised: {line}" for line in self.lines), f"{kind}s with numbers:",
-            *(told(self.all[key]) for key in keys[:MOST_LISTED]), *rest]))
+            *(f"  {key}: {min(moving[key]):.4g} to {max(moving[key]):.4g} {unit_said(self.all[key])}".rstrip()
+              for key in keys[:MOST_LISTED]), *rest]))
 
     # --- how shots are found in a log
 
@@ -425,7 +410,7 @@ class _Guessing:
         for key, series in () if self.log is None else self.log.items():
             if says(key, "scored") and series.numeric and set(np.unique(series.values)) <= {0.0, 1.0}:
                 shots = Reading(Path(self.name), self.log or Log({}), shot_map, self.rig).shots()
-                values, said = _state_or_pulse(series, shots.t_s)
+                values, said = state_or_pulse(series, shots.t_s)
                 return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), f"outcome: {key}: {said}"
         return OutcomeKeys(), NO_OUTCOME
 
@@ -451,23 +436,6 @@ def _meaning(text: str) -> str | None:
     rest = " ".join(word for word in re.split(r"[^\w/]+", text) if word not in GROUPS["fillers"])
     word = SAID_OF_SHOTS.get(rest, "")
     return SAID_OF_SHOTS.get(text) or (word if word.startswith("miss") else None)
-
-
-def _state_or_pulse(scored: Series, shots_s: Floats) -> tuple[dict[str, str], str]:
-    """(values of an outcome's boolean, what they are taken to mean); no values where the log leaves that open.
-
-    A state falls by the outcome of a later shot. A pulse falls by itself, whatever comes next.
-    """
-    edges = scored.changes()
-    up = np.flatnonzero(np.asarray(edges.values[:-1]) > 0.5)     # of the last rise without a fall neither counts
-    rose, fell = edges.t_s[up], edges.t_s[up + 1]
-    state = [bool(((shots_s > up) & (shots_s < down - PULSE_S[0])).any()) for up, down in zip(rose, fell, strict=True)]
-    if len(state) >= FALLS and all(state) and (fell - rose > PULSE_S[1]).all():
-        return {"true": "hit", "false": "miss"}, "true is a hit, false a miss"
-    if state and not any(state) and (fell - rose < PULSE_S[1]).all():
-        return {"true": "hit"}, ("is true for a moment after a hit; shots without it are left out. If they missed, "
-                                 "state outcome.otherwise = \"miss\"")
-    return {}, "left out: it may be a state or a pulse; state outcome in the map, or shots have none"
 
 
 def _rises(series: Series) -> bool:

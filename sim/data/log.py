@@ -59,17 +59,17 @@ class Log(dict[str, Series]):
         self.damage = damage
 
 
-def read_csv_log(path: Path, time: str | None, second: float) -> Log:
+def read_csv_log(path: Path, time: str, second: float) -> Log:
     """Signals of a CSV file: AdvantageScope's list (Timestamp, Key, Value), or a table with a column a signal.
 
-    time: the column of time; None: `Timestamp`. second: how many of its units are one.
+    time: the column of time. second: how many of its units are one.
 
     Raises:
         InputError: a cell of the time is not a number, or the column is missing.
     """
     with gathered() as problems:
         table = load_table(path, problems)
-    return log_of(table, TIME if time is None else time, second)
+    return log_of(table, time, second)
 
 
 def log_of(table: RawTable, column: str, second: float) -> Log:
@@ -272,3 +272,24 @@ def _at(series: Series, t_s: Floats) -> Floats:
     """The newest value at each time, 0 where there is none yet."""
     place = np.searchsorted(series.t_s, t_s, side="right") - 1
     return np.where(place < 0, 0.0, np.asarray(series.values, dtype=float)[np.maximum(place, 0)])
+
+
+PULSE_S = 0.2, 2.0                    # a fall sooner after a shot is none of its outcome's; a pulse is shorter
+FALLS = 2                             # of a state, at least
+
+
+def state_or_pulse(scored: Series, shots_s: Floats) -> tuple[dict[str, str], str]:
+    """(values of an outcome's boolean, what they are taken to mean); no values where the log leaves that open.
+
+    A state falls by the outcome of a later shot. A pulse falls by itself, whatever comes next.
+    """
+    edges = scored.changes()
+    up = np.flatnonzero(np.asarray(edges.values[:-1]) > 0.5)     # of the last rise without a fall neither counts
+    rose, fell = edges.t_s[up], edges.t_s[up + 1]
+    state = [bool(((shots_s > up) & (shots_s < down - PULSE_S[0])).any()) for up, down in zip(rose, fell, strict=True)]
+    if len(state) >= FALLS and all(state) and (fell - rose > PULSE_S[1]).all():
+        return {"true": "hit", "false": "miss"}, "true is a hit, false a miss"
+    if state and not any(state) and (fell - rose < PULSE_S[1]).all():
+        return {"true": "hit"}, ("is true for a moment after a hit; shots without it are left out. If they missed, "
+                                 "state outcome.otherwise = \"miss\"")
+    return {}, "left out: it may be a state or a pulse; state outcome in the map, or shots have none"

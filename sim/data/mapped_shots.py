@@ -308,7 +308,7 @@ def _column(table: RawTable, column: str, said: str | Signal, scale: float = 1.0
         return cells
     convert = conversion(column, signal, signal.unit, table.place(-1))
     return [cell if (number := parse_number(cell)) is None else
-            None if (column, number) == NO_TARGET else float(convert(np.float64(number))) * scale for cell in cells]
+            None if (column, number) == NO_TARGET else float(convert(np.asarray(number))) * scale for cell in cells]
 
 
 def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig

@@ -348,21 +348,6 @@ RANGES = {
     "mass_kg": (1e-4, 100.0),
     "radius_m": (0.001, MOST["ball.radius_m"]),
 }
-# column -> what a number out of its range looks like, and what to do
-LOOKS = {
-    "distance_m": "if centimetres, rename the column to distance_cm; if inches, to distance_in",
-    "motor_ratio": "if percent, divide by 100; if rpm, divide by the motor's free speed in rpm",
-    "miss_height_m": "if centimetres, rename the column to miss_height_cm; if millimetres, to miss_height_mm",
-    "battery_v": "if millivolts, rename the column to battery_mv",
-    "temperature_c": "if kelvins, rename the column to temperature_k; if degrees Fahrenheit, to temperature_f",
-    "pressure_pa": "if hectopascals or millibars, rename the column to pressure_hpa; if kilopascals, to pressure_kpa",
-    "mass_kg": "if grams, rename the column to mass_g; if ounces, to mass_oz",
-    "radius_m": "if millimetres, rename the column to radius_mm; if centimetres, to radius_cm; if inches, to radius_in",
-}
-LOWER = {                                                     # the same of a negative number
-    "distance_m": "it is from the exit to the target along the floor, and has no sign",
-    "hood_deg": "it is the elevation above the horizontal",
-}
 HIT = "hit"                           # an outcome, too, where every hit counts alike
 SERVO = "hood_position"               # of the hood's servo: an angle by launcher.hood.map of the rig, else a covariate
 NO_RANGE = (-math.inf, math.inf)
@@ -371,6 +356,7 @@ WORDS = {"outcome": OUTCOMES, "side": SIDES}
 VOCABULARY = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 # what people write of a shot -> the word of a map (robot/config/shot_map.py)
 SAID_OF_SHOTS = {text: word for word, texts in VOCABULARY["outcomes"].items() for text in texts}
+SYNONYMS = {name: column for column, names in VOCABULARY["synonyms"].items() for name in names}
 TODO = {"hit": "; if it says that it went in, write hit", "miss": "; if it says that it missed, write miss",
         "miss-low": "; write miss, and low in the column side",
         "miss-high": "; write miss, and high in the column side", "rejected": "; leave the cell empty"}
@@ -394,12 +380,6 @@ MEANT_BY: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "motor_ratio": ({"ratio", "power", "throttle", "duty"}, ("exit_speed_m_s", WHEEL.pattern)),
     "outcome": ({"outcome", "result", "score", "scored"}, ("miss_height_m",)),
 }
-# names of columns that are mostly meant as one that is read, where that is not there
-SYNONYMS = {**dict.fromkeys(("time", "time_s", "timestamp", "timestamp_s"), "t_s"), "ball": "ball_id",
-            **dict.fromkeys(("voltage", "voltage_v", "bus_v"), "battery_v"),
-            **dict.fromkeys(("temp", "temp_c"), "temperature_c"),
-            **dict.fromkeys(("exit_velocity_m_s", "velocity_m_s", "speed_m_s"), "exit_speed_m_s"),
-            "spin_rpm": "exit_spin_rpm", "spin_rev_s": "exit_spin_rev_s"}
 # names that say the motors' speed otherwise than by motor_ratio, and what to do with their numbers
 MOTOR = re.compile(r"(motors?|flywheels?|shooter)_?(rpm|speed|velocity|rad_?s|rev_?s|rps|deg_?s|percent|pct|output)?"
                    r"(_(rpm|rad_s|rev_s|rps|deg_s|percent|pct))?|rpm|percent_output")
@@ -472,9 +452,9 @@ def _beyond(table: RawTable, name: str, number: float) -> str:
     """What to say of a number out of its column's range."""
     low, high = RANGES[name]
     converted = table.written.get(name, ("", 1.0, 0.0))[1:] != (1.0, 0.0)
-    looks = "make sure that its unit is as its name says" if converted else LOOKS.get(name, "")
+    looks = "make sure that its unit is as its name says" if converted else VOCABULARY["looks"].get(name, "")
     if number < low == 0.0:
-        looks = LOWER.get(name, "")
+        looks = VOCABULARY["below"].get(name, "")
     said, least, most = (table.shown(name, value) for value in (number, low, high))
     return f"{said} is out of range ({least} to {most})" + (f"; {looks}" if looks else "")
 

@@ -23,8 +23,7 @@ from truearc.robot.config.schema import load_config
 from truearc.robot.config.shot_map import load_map
 from truearc.robot.recording.session import TRIALS, load_trials
 from truearc.sim.data.files import load_dataset, save_dataset
-from truearc.sim.data.guess_map import _state_or_pulse
-from truearc.sim.data.log import Series
+from truearc.sim.data.log import Series, state_or_pulse
 from truearc.sim.data.recordings import label_by_repeatability, rule, shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
@@ -203,7 +202,7 @@ def test_what_a_boolean_means_is_left_open_in_doubt(runs: list[tuple[float, floa
                                                     meant: dict[str, str]) -> None:
     edges = [(-1.0, 0.0), *(edge for up, down in runs for edge in ((up, 1.0), (down, 0.0)))]
     series = Series("Scored", np.array([t_s for t_s, _ in edges]), np.array([value for _, value in edges]))
-    values, said = _state_or_pulse(series, np.array(shots))
+    values, said = state_or_pulse(series, np.array(shots))
     assert values == meant and ("left out:" in said) == (not meant)
 
 
@@ -251,7 +250,7 @@ def test_a_csv_table_of_loops_gives_the_same(log: Path, rig: Path, recorded: ta.
 
 @pytest.mark.parametrize(("text", "said"), [
     ("", "shots.toml: is an empty file; a map of columns (shots.toml) is expected"),
-    ("[columns]", "schema: missing key"),
+    ('about = "mine"', "schema: missing key"),
     ('schema = "truearc.shot-map/1"\n[columns]\nhod_deg = "x"', "columns.hod_deg: there is no such column"),
     ('schema = "truearc.shot-map/1"\n[columns]\nhood_deg = { key = "/Hood/PivotPositionRad", unit = "V" }',
      "columns.hood_deg.unit: 'V' is not a unit of hood_deg"),
