@@ -17,7 +17,6 @@ from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -231,10 +230,8 @@ def _text_of_sheet(path: Path) -> str:
 
 
 def _sheet_cell(value: object) -> str:
-    if isinstance(value, datetime):
-        return value.isoformat(" ").removesuffix(" 00:00:00")
     plain = str(value).lower() if isinstance(value, bool) else "" if value is None else str(value)
-    return " ".join(plain.splitlines()) if "\n" in plain else plain
+    return " ".join(plain.splitlines()).removesuffix(" 00:00:00")       # of a date
 
 
 def _load_parquet(path: Path) -> RawTable:
@@ -356,7 +353,7 @@ WORDS = {"outcome": OUTCOMES, "side": SIDES}
 VOCABULARY = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 # what people write of a shot -> the word of a map (robot/config/shot_map.py)
 SAID_OF_SHOTS = {text: word for word, texts in VOCABULARY["outcomes"].items() for text in texts}
-SYNONYMS = {name: column for column, names in VOCABULARY["synonyms"].items() for name in names}
+SYNONYMS: dict[str, str] = {name: column for column, names in VOCABULARY["synonyms"].items() for name in names}
 TODO = {"hit": "; if it says that it went in, write hit", "miss": "; if it says that it missed, write miss",
         "miss-low": "; write miss, and low in the column side",
         "miss-high": "; write miss, and high in the column side", "rejected": "; leave the cell empty"}

@@ -202,8 +202,8 @@ def import_shots_options(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--map", metavar="MAP", help="of any team's files: which keys say what: a shots.toml, or an "
                      "installed map, such as ftc-csv, tracker, kinovea")
     how.add_argument("--guess", action="store_true", help="propose that map from the names, units and numbers in the "
-                     f"first file, write it to DIR/{MAP}, and import by it; a CSV without a column Timestamp has a row "
-                     "per shot")
+                     f"first file, write it to DIR/{MAP}, and import by it; rows of a table that are less than 0.5 s "
+                     "apart are a log's, others a shot each")
     parser.add_argument("--outcomes", type=outcome_words, metavar="WORD=MEANING,...", help="with --guess: what "
                         "words of outcomes mean whose meaning is not certain, such as in=three,rim=two,short=miss-low; "
                         "rejected leaves shots out")
