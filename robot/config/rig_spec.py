@@ -47,7 +47,7 @@ class HoodFacts(Struct, frozen=True):
     Between two points the elevation is linear in the position, which has any unit and zero.
     """
 
-    map: tuple[tuple[float, float], ...] = ()
+    map: tuple[tuple[float, float], ...]
 
 
 class LauncherFacts(Struct, frozen=True):

@@ -322,7 +322,7 @@ def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig
     rows, lines, odd = list[dict[str, Cell]](), list[int](), list[str]()
     distance = as_signal(shot_map.columns.get(NO_TARGET[0], "")).key
     if unseen := [parse_number(cell) for cell in table.columns.get(distance, ())].count(NO_TARGET[1]):
-        odd.append(f"{path.name}: {distance}: is -1 {times(unseen)}: taken as no distance")
+        odd.append(f"{path.name}: {distance}: -1 ({times(unseen)}) is read as an unknown distance")
     for row in range(len(table.lines)):
         shot: dict[str, Cell] = {"shot_id": f"{path.stem}-{row:04d}", "session": path.stem,
                                  **{column: cells[row] for column, cells in columns.items()}}
