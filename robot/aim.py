@@ -172,7 +172,8 @@ def surface_m_s(config: Config) -> float:
 
 def walked(walk: Walk, distance_m: float, hood_deg: float) -> float:
     """Log speed correction at a distance and launch elevation."""
-    return sum(part * lever for part, lever in zip(walk, _levers(distance_m, hood_deg), strict=True))
+    levers = _levers(distance_m, hood_deg)
+    return walk[0] * levers[0] + walk[1] * levers[1] + walk[2] * levers[2]
 
 
 def step_walk(walk: Walk, side: int, shot: Shot, config: Config) -> Walk:

@@ -136,7 +136,7 @@ def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
     if memory.track is not UNSET:
         rate = memory.track.rate_m_s
         distance = memory.track.distance_m + rate * (inputs.t_ns - memory.track.t_ns) * NS
-    toward, leftward, bearing = _velocity(inputs, sighting, config)
+    toward, leftward, bearing = _NOT_TOLD if inputs.velocity is UNSET else _velocity(inputs, sighting, config)
     return Estimate(
         motor_rad_s=mean,
         motor_ratio=mean / free if free else 0.0,
@@ -145,19 +145,22 @@ def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
         hood_screw_deg=screw_deg,
         distance_m=distance,
         distance_sigma_m=None if sighting is None else sighting.sigma_m,
-        battery_v=sum(motor.bus_v for motor in inputs.flywheels) / len(inputs.flywheels),
+        battery_v=sum([motor.bus_v for motor in inputs.flywheels]) / len(speeds),
         oldest_s=_oldest_s(inputs, config),
         sighting_s=None if sighting is None else (inputs.t_ns - sighting.t_ns) * NS,
         closing_m_s=rate, toward_m_s=toward, leftward_m_s=leftward, bearing_deg=bearing,
     )
 
 
-def _velocity(inputs: Inputs, sighting: Sighting | None,
-              config: Config) -> tuple[float | UnsetType, float | UnsetType, float | UnsetType]:
+Velocity = tuple[float | UnsetType, float | UnsetType, float | UnsetType]
+_NOT_TOLD: Velocity = (UNSET, UNSET, UNSET)
+
+
+def _velocity(inputs: Inputs, sighting: Sighting | None, config: Config) -> Velocity:
     """(toward the target, to the left of it, bearing of the target in degrees), absent where one is not known."""
     moves = inputs.velocity
     if moves is UNSET or sighting is None or not is_fresh(inputs, moves.t_ns, config):
-        return UNSET, UNSET, UNSET
+        return _NOT_TOLD
     bearing = math.radians(sighting.bearing_deg or 0.0)
     c, s = math.cos(bearing), math.sin(bearing)
     return (c * moves.forward_m_s - s * moves.left_m_s, s * moves.forward_m_s + c * moves.left_m_s,
@@ -165,10 +168,12 @@ def _velocity(inputs: Inputs, sighting: Sighting | None,
 
 
 def _oldest_s(inputs: Inputs, config: Config) -> float:
-    stamps = [motor.t_ns for motor in (*inputs.flywheels, inputs.hood_motor, inputs.feeder)]
+    oldest_ns = min(inputs.hood_motor.t_ns, inputs.feeder.t_ns)
+    for motor in inputs.flywheels:
+        oldest_ns = min(oldest_ns, motor.t_ns)
     if config.hood_encoder.is_heard:
-        stamps.append(inputs.hood_angle.t_ns if inputs.hood_angle else 0)
-    return (inputs.t_ns - min(stamps)) * NS
+        oldest_ns = min(oldest_ns, inputs.hood_angle.t_ns if inputs.hood_angle else 0)
+    return (inputs.t_ns - oldest_ns) * NS
 
 
 HEARTBEAT_S = 0.25                    # axes, and the hood's encoder, say how they are every 0.1 s; two may be lost
@@ -201,9 +206,10 @@ def _encoder(angle: AngleReading | None, t_ns: int, config: Config) -> list[Reas
         return [because.DEVICE_NEVER_RECEIVED(device=ENCODER)]
     if not _young(t_ns - angle.t_ns, config.gate.reading_age_s):
         return [because.DEVICE_STALE(device=ENCODER, age_s=(t_ns - angle.t_ns) * NS)]
-    missing = _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S)
+    missing = None if angle.faults_t_ns is UNSET else _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S)
     found = [] if missing is None else [missing]
-    if errors := tuple(encoder_family_of(config.hood_encoder).errors(config.hood_encoder, angle.faults)):
+    if angle.faults and (errors := tuple(encoder_family_of(config.hood_encoder).errors(
+            config.hood_encoder, angle.faults))):
         return [*found, because.MOTOR_ERROR(motor=ENCODER, errors=errors)]
     return found if angle.magnet_ok else [*found, because.MAGNET_LOST()]
 
@@ -220,8 +226,8 @@ def _motor(which: str | int, axis: Axis, motor: MotorReading, t_ns: int, gate: G
     if motor.errors_t_ns is not UNSET and (missing := _no_fault_report(_name(which), motor.errors_t_ns, t_ns,
                                                                        ERRORS_S)):
         found.append(missing)
-    if not (math.isfinite(motor.position_rad) and math.isfinite(motor.velocity_rad_s)
-            and math.isfinite(motor.current_a) and math.isfinite(motor.bus_v)):
+    # one that is not finite leaves no finite sum, nor do numbers beyond all sense
+    if not math.isfinite(motor.position_rad + motor.velocity_rad_s + motor.current_a + motor.bus_v):
         return [*found, because.MOTOR_NOT_FINITE(motor=_name(which))]
     family = family_of(axis)
     if errors := family.errors(axis, motor):
@@ -235,10 +241,8 @@ def _name(which: str | int) -> str:
     return which if isinstance(which, str) else motors.name_wheel(which)
 
 
-def _no_fault_report(device: str, stamp_ns: int | UnsetType, t_ns: int, limit_s: float) -> Reason | None:
-    """Whether a report that must come is missing; None when it has come, and where none must."""
-    if stamp_ns is UNSET:
-        return None
+def _no_fault_report(device: str, stamp_ns: int, t_ns: int, limit_s: float) -> Reason | None:
+    """Whether a report that must come is missing; None when it has come."""
     if stamp_ns == 0:
         return because.DEVICE_FAULTS_NEVER_RECEIVED(device=device)
     if _young(t_ns - stamp_ns, limit_s):

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from functools import lru_cache
 
 from truearc.errors import InputError
 from truearc.hw.bus_rules import WINDOW_NS, AllowedBus, MonitoredBus, Rules
@@ -14,17 +15,22 @@ from truearc.robot.config.schema import CameraConfig, Config, Hood
 # --- the hood's screw
 
 def screw_length_m(elevation_deg: float, hood: Hood) -> float:
-    """Distance from the screw motor's pivot to the nut at a launch elevation (law of cosines)."""
-    included = math.radians(hood.included_deg + elevation_deg)
-    a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
-    return math.sqrt(a * a + b * b - 2.0 * a * b * math.cos(included))
+    """Distance from the screw motor's pivot to the nut at a launch elevation."""
+    return _side_m(hood.included_deg + elevation_deg, hood.pivot_to_motor_m, hood.pivot_to_nut_m)
+
+
+def _side_m(included_deg: float, a: float, b: float) -> float:
+    return math.sqrt(a * a + b * b - 2.0 * a * b * math.cos(math.radians(included_deg)))     # law of cosines
+
+
+_kept_side_m = lru_cache(8)(_side_m)  # of the lowest elevation, asked for in each tick
 
 
 def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
     """Launch elevation when the screw motor has turned this far up from the limit switch; None beyond the linkage."""
     a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
     travel = turned_rad * hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi)
-    length = screw_length_m(hood.low_deg, hood) + travel
+    length = _kept_side_m(hood.included_deg + hood.low_deg, a, b) + travel
     cosine = (a * a + b * b - length * length) / (2.0 * a * b)
     if not -1.0 <= cosine <= 1.0:
         return None

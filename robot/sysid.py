@@ -190,7 +190,7 @@ def _command(inputs: Inputs, belief: Estimate, progress: Progress, program: tupl
     phase = program[progress.phase]
     asked_nm = phase.asked_nm((inputs.t_ns - progress.since_t_ns) * NS)
     if phase.kind == HOME:
-        asked_nm = home(inputs, belief, watched.hood, config)
+        asked_nm = home(inputs, belief, watched, config)
     elif phase.kind == CREEP and _speed(inputs, belief, phase.joint) * phase.sign >= phase.ends_rad_s:
         asked_nm = 0.0
     return Command(True, True, True, asked_nm if phase.joint == FLYWHEEL else 0.0,

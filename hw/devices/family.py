@@ -78,11 +78,7 @@ class HoodEncoder:
 
     __slots__ = ()
     __struct_config__: ClassVar[Any]
-
-    @property
-    def is_heard(self) -> bool:
-        """Whether there is one. If not, the hood's angle is the count of its screw since homing."""
-        return True
+    is_heard: ClassVar[bool] = True   # there is one; if not, the hood's angle is the count of its screw since homing
 
     @property
     def zero_deg(self) -> float | None:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, partial
 from importlib.metadata import entry_points
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -103,10 +103,10 @@ _BY_TABLE: dict[type[Axis], family.MotorFamily[Any]] = {}
 
 def family_of(axis: Axis) -> family.MotorFamily[Any]:
     """The family whose table this is; raises as find_family."""
-    table = axis.__class__
-    if table not in _BY_TABLE:        # called in the tick
-        _BY_TABLE[table] = find_family(family.driver_of(axis))
-    return _BY_TABLE[table]
+    found = _BY_TABLE.get(axis.__class__)         # called in the tick
+    if found is None:
+        found = _BY_TABLE[axis.__class__] = find_family(family.driver_of(axis))
+    return found
 
 
 def find_family(driver: str) -> family.MotorFamily[Any]:
@@ -244,9 +244,7 @@ COUNT_SIGMA_DEG = 0.5
 class NoEncoder(Struct, family.HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="none"):
     """There is none, so nothing checks the count."""
 
-    @property
-    def is_heard(self) -> bool:
-        return False
+    is_heard: ClassVar[bool] = False
 
 
 NONE = family.EncoderFamily(

@@ -392,6 +392,6 @@ def _refuse(axis: OdriveAxis, endpoints: family.Endpoints, heard: Heard) -> str:
 ODRIVE = family.MotorFamily(
     driver="odrive", axis=OdriveConfig, example=OdriveConfig(4, 1, 0), dbc=codec.DBC / "odrive.dbc", is_commanded=True,
     make_motors=make_motors, make_rules=make_rules,
-    errors=lambda axis, motor: odrive.errors_of(motor.axis_error),
+    errors=lambda axis, motor: odrive.errors_of(motor.axis_error) if motor.axis_error else (),
     is_driven=lambda axis, motor: motor.axis_state == odrive.CLOSED_LOOP, questions=questions, examine=examine,
     make_node=make_node, stored_settings=stored_settings)
