@@ -246,7 +246,7 @@ class _Guessing:
             self.columns[read] = structs.replace(self.columns[read], times=-1.0, plus=quarter)
             self.lines[-1] += f"; from the vertical, so {quarter:g} less that"
         if read == SERVO:
-            self.lines[-1] += TWO_POINTS if self.rig.launcher.hood is UNSET else ": read as hood_deg by launcher.hood.map"
+            self.lines[-1] += TWO_POINTS if self.rig.launcher.hood is UNSET else ", an angle by launcher.hood.map"
         if read == MOTOR:
             self.lines.append(GEARED)
         return True

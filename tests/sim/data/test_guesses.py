@@ -54,7 +54,8 @@ def test_an_ftc_teams_names_are_known(header: str, keys: tuple[str, ...], tmp_pa
     dataset = ta.import_shots([mine], rig=rig)
     shots = dataset.shots
     assert 1.3 < np.nanmin(shots.number("distance_m")) < np.nanmax(shots.number("distance_m")) < 3.6
-    assert np.isnan(shots.number("distance_m")[0]) and any("-1 (once) is read as an unknown" in line for line in dataset.left_out)
+    assert np.isnan(shots.number("distance_m")[0])
+    assert any("-1 (once) is read as an unknown" in line for line in dataset.left_out)
     assert set(shots.number("hood_position")) == {0.2, 0.5, 0.8} and np.isnan(shots.number("hood_deg")).all()
     assert shots.text("outcome")[1:4] == ("two", "miss", "miss") and shots.text("side")[2:4] == ("high", "low")
 
