@@ -29,7 +29,7 @@ EPOCH = (("us", 1e14), ("ms", 1e11), ("s", 0.0))       # units of times since 19
 MOST_LISTED = 40                      # signals of a message
 MOST_WORDS = 12                       # different texts of a signal of outcomes
 LEAST_V = 5.0                         # of a battery; less is its number
-LEAST_STEP_S, LEAST_ROWS, REGULAR = 0.5, 20, 0.2       # rows of a log are closer, or evenly apart, and so many
+LEAST_STEP_S, LEAST_ROWS, REGULAR = 0.5, 20, 0.2       # rows of a log are closer, and so many; evenly apart
 OWN = "truearc"                       # a map that comes with truearc
 NO_OUTCOME = "outcome: none found: state outcome in the map, or shots have none"
 GEARED = ("motor_rad_s: taken to be the speed of the motors; where it is that of the wheels, divide by the gear: "
@@ -122,11 +122,11 @@ def time_column(table: RawTable) -> TimeColumn | None:
             continue
         steps = np.abs(np.diff(numbers))
         step = float(np.median(steps))
-        regular = bool(np.median(np.abs(steps - step)) <= REGULAR * step)
+        loops = name == TIME and step >= 5.0 and np.median(np.abs(steps - step)) <= REGULAR * step       # no seconds
         series = Series(name, numbers, numbers)
         unit = unit_said(series) or unit_seen(series, "t_s")
-        unit = unit if unit in SECONDS else "s" if step < 5.0 or not regular else "ms" if step < 5000.0 else "us"
-        if regular or step / SECONDS[unit] < LEAST_STEP_S:
+        unit = unit if unit in SECONDS else "s" if not loops else "ms" if step < 5000.0 else "us"
+        if step / SECONDS[unit] < LEAST_STEP_S:
             return TimeColumn(name, unit)              # type: ignore[arg-type]
     return None
 

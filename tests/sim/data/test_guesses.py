@@ -151,13 +151,19 @@ def test_a_logs_uncertain_words_are_asked_about_and_its_idle_ones_are_not(tmp_pa
 
 
 @pytest.mark.parametrize(("times", "unit"), [
-    ([k * 0.02 for k in range(40)], "s"), ([k * 20 for k in range(40)], "ms"), ([1.7e12 + k * 20 for k in range(40)],
-                                                                                 "ms"),
-    ([1.7e12 + k * k * 500 for k in range(40)], ""), ([float(k * k) for k in range(40)], ""), ([0.0, 0.02, 0.04], "")])
+    ([k * 0.02 for k in range(40)], "s"), ([k * 20 for k in range(40)], "ms"),
+    ([1.7e12 + k * 20 for k in range(40)], "ms"), ([1.7e12 + k * k * 500 for k in range(40)], ""),
+    ([1.7e12 + k * 5000 for k in range(40)], ""), ([float(k * k) for k in range(40)], ""), ([0.0, 0.02, 0.04], "")])
 def test_times_close_together_are_a_logs(times: list[float], unit: str, tmp_path: Path) -> None:
     table = any_table(write(tmp_path, "a.csv", "Timestamp,Dist,RPM\n" + "".join(f"{t},3,3000\n" for t in times)))
     found = time_column(table)
     assert ("" if found is None else found.unit) == unit
+
+
+def test_shots_that_follow_each_other_evenly_are_no_log(tmp_path: Path) -> None:
+    for name in ("Time (s)", "time", "Timestamp"):
+        rows_ = "".join(f"{(1 if name == 'Timestamp' else 10) * k},3,3000\n" for k in range(40))
+        assert time_column(any_table(write(tmp_path, "a.csv", f"{name},Dist,RPM\n{rows_}"))) is None
 
 
 @pytest.mark.parametrize(("name", "unit"), [("ActualRPS", "rps"), ("DistanceMM", "mm"), ("distanceIn", "in"),
