@@ -1,4 +1,4 @@
-"""Sources of sightings and of other programs' readings: the camera with vision, and other programs."""
+"""Sources of sightings and of readings from other programs."""
 
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack

@@ -1,6 +1,6 @@
 """The codes of the robot's reasons for a HOLD, and the log text of every reason.
 
-Fields and units: truearc.hw.reason.Code.
+Fields and units are described in truearc.hw.reason.Code.
 """
 
 from collections.abc import Iterable

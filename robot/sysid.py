@@ -1,8 +1,8 @@
-"""System identification: the program of motions for flywheels and hood, and one tick of it.
+"""System identification: the motion program for flywheels and hood, and one tick of it.
 
 The program has quasistatic ramps and dynamic steps, each followed by coasting to rest. Any fault permanently releases
-every motor. The operator arms once; any later button press releases. The tick is pure, like truearc.robot.tick, so a
-replay is exact. Its motion interlocks are those used for launching (truearc.robot.motion).
+every motor. The operator arms them once; any later button press releases them. The tick is pure, like
+truearc.robot.tick, so a replay is exact. Its motion interlocks are those used for launching (truearc.robot.motion).
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Statistics of shots: intervals of shares and means, covariance, and measures of predicted probabilities."""
+"""Statistics of shots: intervals for proportions and means, covariance, and measures of predicted probabilities."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Doctor checks of the robot's NetworkTables: server, keys, clocks, and a camera that sees tags."""
+"""Doctor checks for the robot's NetworkTables: server, keys, clocks, and whether a camera sees tags."""
 
 import math
 from collections import Counter

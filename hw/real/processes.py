@@ -1,6 +1,6 @@
-"""Child processes, messages over socket pairs, and the newest values in shared memory.
+"""Child processes, messages over socket pairs, and latest values in shared memory.
 
-A child process is started, supervised and restarted. Neither end of a connection ever waits for the other.
+Child processes are started, supervised and restarted here. Neither end of a connection ever waits for the other.
 """
 
 import ctypes

@@ -1,4 +1,4 @@
-"""The contents of the files that make a computer start truearc at boot, and the options that determine them. Text only.
+"""The text of the files that make a computer start truearc at boot, and the options that determine it.
 
 The files are the systemd unit, CAN bring-up, device names and the script that installs them; `files/` has the longer
 ones, with placeholders such as `@USER@`. `truearc/cli/deploy.py` copies them to the computer, with wheels built from

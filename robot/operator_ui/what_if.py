@@ -1,11 +1,11 @@
 """What-if queries to the gate about arbitrary configurations: parsing, rate limits and answers.
 
-An answer is computed as in the tick: Gate.rate for one configuration at a time, and the reasons for which the verdict
-would hold it. Queries and answers never reach the tick.
+Answers are computed as in the tick: Gate.rate for one configuration at a time, and the reasons why the verdict would be
+HOLD. Queries and answers never reach the tick.
 
 WhatIfProcess answers in a process of its own, so that neither the tick nor the recorder waits for the model. Its
-standard input is one end of a connection: it receives the text of a query, or None for the facts, and sends an answer.
-The first query starts the process, which ends when the connection closes, even if this process crashed.
+standard input is one end of a connection: it receives the text of a query, or None to request the facts, and sends an
+answer. The first query starts the process; it ends when the connection closes, even if its parent has crashed.
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""Tables of text cells, and typed columns read from them: names, units, ranges and words.
+"""Tables of text cells, and typed columns read from them: names, units, ranges and permitted words.
 
 Cells come from CSV and Parquet files, and each row keeps its origin; all errors are collected, so that one run reports
 them together. A column such as `distance_ft`, `hood_rad` or `wheel_main_rpm` is converted to the expected unit and

@@ -1,9 +1,9 @@
-"""Discovery: the detection, localization and naming of a mismatch, and the gain of a simulation that includes it.
+"""Discovery: the detection, localization and naming of a mismatch, and the gain from a simulation that includes it.
 
 The belief from an investigation has fitted coefficients, every named effect, and their covariance.
 
-A later session may use different balls, and a fit with random effects of balls attributes much of any change in the
-robot to them, forecasting that session equally well. But the next session uses different balls again. A belief is
+A later session may use different balls. A fit with random effects of balls then attributes much of any change in the
+robot to the balls and forecasts that session equally well, but the next session uses different balls again. A belief is
 therefore judged without the session's random effects of balls. If its forecasts are then worse, judged by the 90 %
 interval, it is not adopted, even if it gains with this session's balls; if they are not worse, it is adopted even
 without such a gain.

@@ -1,4 +1,4 @@
-"""The fit of a simulation: its MAP estimate and, at that estimate, the scores of everything that it may lack.
+"""The fit of a simulation: its MAP estimate and, at that estimate, the scores of everything the simulation may lack.
 
 A fit owns its model (the simulation and the data to compare it with), its linearization point and the scores there. It
 is independent of launchers: truearc.sim.infer.model declares everything that it needs.

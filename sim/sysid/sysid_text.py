@@ -3,7 +3,7 @@
 Gains follow the SIMC rules (S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, J.
 Process Control 13 (2003) 291-309) with the closed-loop time constant equal to the dead time (tau_c = theta), for a
 first-order and a double-integrating process. Dead time is the sum of the measured delay, half a reading's age, half a
-tick for the held torque, and the filter of the derivative.
+tick for the held torque, and the delay of the derivative filter.
 """
 
 import math

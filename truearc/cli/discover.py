@@ -191,7 +191,7 @@ def add_baseline(parser: argparse.ArgumentParser) -> None:
 def discover(args: argparse.Namespace) -> int:
     """Report whether a dataset disagrees with the simulation as it stands, where, and what the simulation lacks.
 
-    Before there are data, `truearc identifiability` reports what a season of shots could show.
+    Before you have data, `truearc identifiability` reports what a season of shots could show.
     """
     _, found = investigate(args, "discover", args.measured)
     adopted, refused = None, None

@@ -1,4 +1,4 @@
-"""Companions of the control loop of `truearc run`: eyes and recorder, in its process or in processes of their own."""
+"""The eyes and recorder of `truearc run`, in the control loop's process or in their own."""
 
 import socket
 from collections.abc import Callable, Mapping

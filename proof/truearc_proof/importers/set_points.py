@@ -1,6 +1,7 @@
-"""Importers of set points published by FRC teams, each taken as a shot through the middle of the goal, and exit speeds.
+"""Importers of exit speeds and set points published by FRC teams.
 
-proof/IMPORTERS.md describes the columns, their origin, and the assumptions about each robot.
+Each set point is taken as a shot through the middle of the goal. proof/IMPORTERS.md describes the columns, their
+origin, and the assumptions about each robot.
 """
 
 import math

@@ -1,11 +1,10 @@
 """Recordings for a reproduction (practice, aimed and simulated configurations), and the draws of each repetition.
 
-Every session follows from the settings and the earlier sessions, so an interrupted collection continues where it
-stopped.
+The settings and the earlier sessions determine every session, so an interrupted collection resumes where it stopped.
 
 The crew aims for hits, near misses and misses in similar numbers and learns from its own marks. Speeds are those of
-vacuum ballistics times a correction, a quadratic in distance and elevation fitted to the marks. No drag, lift or wheel
-slip is assumed, so the choice of configurations favours no simulator.
+vacuum ballistics, corrected by a quadratic in distance and elevation fitted to the marks. No drag, lift or wheel slip
+is assumed, so the choice of configurations favours no simulator.
 """
 
 import json

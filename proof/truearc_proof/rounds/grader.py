@@ -1,6 +1,6 @@
 """The grader of a round: it refuses a round with changed files, opens the seals of claimed worlds, and marks them.
 
-Tables use only the entries made in the ledger when the worlds were marked.
+Tables use only the ledger entries made when the worlds were marked.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""The solver of a round: discovery on data whose truth is sealed. It opens no file of the keeper.
+"""The solver of a round: discovery on data whose truth is sealed. It opens none of the keeper's files.
 
 A permanent interpreter audit hook blocks any attempt to open one. It guards against accidents, not against malice: a
 subprocess, ctypes, or a library that opens files itself can bypass it. To run an untrusted solver, give it a copy of

@@ -1,6 +1,6 @@
 """Localizes a mismatch: the free change, stage, covariate and part of the flight in which it appears.
 
-Each place is scored by the gain of a smooth correction of one channel over one covariate on held-out shots.
+Each place is scored by how much a smooth correction of one channel over one covariate gains on held-out shots.
 """
 
 from collections.abc import Sequence

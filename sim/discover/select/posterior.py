@@ -1,12 +1,12 @@
-"""The posterior over the hypotheses for a mismatch: one term, two terms, an unexplained change, or a term with one.
+"""The posterior over the hypotheses for a mismatch: one term, two terms, an unexplained change, or a term and a change.
 
-Each hypothesis has a prior probability and a log evidence. The evidence of single terms comes from true refits of the
-likely ones (name_terms), that of additions to a likely term from the table linearised at that term's refit, and that of
-an unexplained change from the table of the fit, averaged over its size and smoothness. True refits replace the values
-of important pairs and unexplained changes.
+Each hypothesis has a prior probability and a log evidence. The evidence of the likely single terms comes from true
+refits (name_terms). Additions to a likely term use the table linearised at its refit. An unexplained change uses the
+table of the fit, averaged over its size and smoothness. True refits replace the values of important pairs and
+unexplained changes.
 
 A hypothesis adds parts to the shared numbers. A part is one column of the table multiplied by shapes over the shots,
-whose coefficients are normal a priori: a single shape of ones is a term or a constant push; shapes of a Gaussian
+with normal priors on their coefficients. A single shape of ones is a term or a constant push; shapes of a Gaussian
 process over a covariate are an unexplained change that depends on it.
 
 Scores at the fit overestimate the gain of a large change. A name's evidence therefore comes from a true refit, and so

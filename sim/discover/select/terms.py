@@ -1,10 +1,9 @@
 """Ranks candidate terms: one step for all, true refits of the likely ones, and measurements of their amplitudes.
 
-Every term competes with a normal prior on its amplitude, of the usual size of such effects. A term that would have to
-be absurdly large to explain the data thus loses to a smaller one, and a term cannot win beyond its permitted range.
+Every term has a normal prior on its amplitude, scaled to the usual size of such effects. A term that would have to be
+absurdly large to explain the data thus loses to a smaller one, and a term cannot win beyond its permitted range.
 
-The evidence of a term is computed with a normal prior of its usual size. Its own prior has several sizes and is zero
-outside its range.
+A term's evidence is computed with that normal prior. Its own prior mixes several sizes and is zero outside its range.
 """
 
 from collections.abc import Mapping, Sequence
