@@ -176,7 +176,7 @@ class Rules(Struct, frozen=True):
 
 
 def allow_seldom(frames: Iterable[Frame]) -> tuple[Allowed, ...]:
-    """Return a rule that allows frames like these a few times a second."""
+    """Return rules that allow frames like these a few times a second."""
     return tuple(allow(frame, SELDOM) for frame in frames)
 
 

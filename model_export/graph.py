@@ -62,7 +62,7 @@ def novelty_part(novelty: gates.Novelty) -> Part:
 
 
 def physics_part(surrogate: Surrogate, shape: gates.GateShape, aside: float) -> Part:
-    """The surrogate's mean and spread, and of them the probabilities of the ordinal model; `features` to `p`.
+    """Return the nodes of the surrogate's mean and spread and the ordinal model's probabilities; `features` to `p`.
 
     Chebyshev polynomials as cos(k arccos u), their products as cosines of sums; no flight is integrated here. An
     outcome within a half-height has the probability (1 - lapse) (erf(above) - erf(below)) / 2 + its share of a lapse,
@@ -127,7 +127,7 @@ class Trained:
 
 
 def load_trained(directory: str | Path) -> Trained:
-    """Read a weights directory; InputError names the file and what is wrong with it."""
+    """Load a weights directory; InputError names the file and what is wrong with it."""
     if (Path(directory) / gates.MODEL_FILE).is_file():
         return _physics(directory)
     network, record = load_weights(directory)
@@ -197,7 +197,7 @@ def export_weights(directory: str | Path, path: str | Path) -> bytes:
 
 
 def say_narrowed(trained: Trained, domain: dict[str, list[float]]) -> str:
-    """Say which of the recorded shots lie outside a domain over which the graph follows the physics."""
+    """Report which recorded shots lie outside a domain over which the graph follows the physics."""
     known = trained.novelty           # weights of earlier versions do not say which shot had which settings
     recorded = trained.record.get("recorded") or dict(enumerate(known.landmarks / known.scale + known.mean, 1))
     low, high = np.array([domain[feature.name] for feature in contract.FEATURES]).T

@@ -47,7 +47,6 @@ class AdviceIo:
 
     sigma_m: standard deviation of the robot's own distance. camera: measures the distance if given. driven: how the
     robot drives.
-    
 
     Raises:
         InputError: the map lacks a column that advice needs, or states a unit that is not one of its column.
