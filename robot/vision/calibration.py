@@ -54,7 +54,7 @@ class BoardFit(NamedTuple):
 
 
 def find_board(image: marks.Image, board: Board) -> BoardView | None:
-    """The board's corners in a BGR or grey image, or None when it is not (wholly, for a chessboard) in view."""
+    """Find the board's corners in a BGR or grey image; None if it is not in view (for a chessboard, entirely)."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     if board.marker_m > 0.0:
         return _find_charuco(grey, board)
@@ -77,7 +77,7 @@ def _find_charuco(grey: marks.Image, board: Board) -> BoardView | None:
 
 
 def is_same(view: BoardView, other: BoardView) -> bool:
-    """Whether neither board nor camera has moved between two views: together they say no more than one of them."""
+    """Return whether neither board nor camera moved between two views: together they say no more than one."""
     return view.seen_px.shape == other.seen_px.shape and bool(np.array_equal(view.points_m, other.points_m)) and bool(
         np.abs(view.seen_px - other.seen_px).max() < SAME_PX)
 
