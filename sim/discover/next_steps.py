@@ -44,7 +44,7 @@ Information = Float[Array, "P P"]
 
 @dataclass(frozen=True)
 class Block:
-    """Shots of one configuration: `row` of the evidence's shots, its wheels `pace` times as fast."""
+    """Shots of one configuration: `row` of the evidence's shots, with wheels `pace` times as fast."""
 
     row: int
     shots: int
@@ -74,7 +74,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Contest:
-    """K names: columns of the evidence, amplitudes, sizes, probabilities, and what refits know beyond one step."""
+    """K names: columns of the evidence, amplitudes, sizes, probabilities, and what refits add to one step."""
 
     scores: ScoreTable
     columns: Int[Array, " K"]
@@ -85,7 +85,7 @@ class Contest:
 
 
 def make_design(step: Step, shots: int = PLANNED_SHOTS, configurations: int = CONFIGURATIONS, seed: int = 0) -> Design:
-    """Blocks of equal numbers of shots, most telling first. ValueError where fewer than two names compete."""
+    """Return blocks of equal numbers of shots, most informative first. ValueError if fewer than two names compete."""
     if not can_design(step):
         raise ValueError("fewer than two names compete")
     names = _competing(step)
@@ -106,7 +106,7 @@ def make_design(step: Step, shots: int = PLANNED_SHOTS, configurations: int = CO
 
 
 def can_design(step: Step) -> bool:
-    """Whether there are two names or more to tell apart."""
+    """Return whether there are two or more names to separate."""
     return not step.unknown and len(_competing(step)) > 1
 
 
@@ -136,7 +136,7 @@ def separation(contest: Contest, more: Information | float) -> Float[Array, "K K
 
 
 def worth(contest: Contest, more: Information | float) -> float:
-    """Mean log separation of pairs, each as likely as its two names; what a design is chosen by."""
+    """Return the mean log separation of pairs, each as likely as its two names; the criterion of a design."""
     weight = np.outer(contest.probability, contest.probability) * (1.0 - np.eye(len(contest.columns)))
     return float((weight * np.log1p(separation(contest, more))).sum() / weight.sum())
 
@@ -157,7 +157,7 @@ def at_paces(fitted: LauncherFit) -> dict[float, ScoreTable]:
 
 
 def within_reach(fitted: LauncherFit, paces: Iterable[float]) -> list[tuple[int, float]]:
-    """(row, pace) of every configuration whose wheels turn no slower and no faster than they have been seen to."""
+    """Return (row, pace) of every configuration whose wheel speeds stay within the observed range."""
     lanes = fitted.model.data.lanes
     speed, rolled = np.asarray(lanes.rolling.speed_m_s), np.asarray(lanes.rolled)
     low, high = (speed[rolled].min(), speed[rolled].max()) if rolled.any() else (0.0, 0.0)
@@ -183,7 +183,7 @@ def choose_blocks(contest: Contest, block: int, options: Sequence[Option], count
 
 
 def chance_of_name(contest: Contest, more: Information, seed: int) -> float:
-    """Probability that the right name will hold SURE of the probability, were `more` information there.
+    """Return the probability that the right name will hold SURE of the probability, given `more` information.
 
     Truths are drawn as likely as they are now, each at its fitted amplitude; scores to come are normal.
     """
@@ -250,8 +250,8 @@ FEW = 3                               # measurements proposed at most; chosen: a
 
 
 def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> tuple[dict[str, Any], ...]:
-    """The configuration among the shots at which the two likeliest names differ most, measurements that settle the
-    names that compete (or confirm the only one), and what to note of every shot from now on."""
+    """Return the configuration at which the two likeliest names differ most, measurements that settle the competing
+    names (or confirm the only one), and what to record for every later shot."""
     if chosen is None:
         vertical = step.place is not None and step.place.column.direction == "vertical"
         return (*_spin(dataset, vertical), *_about_unknown(step), *_sides(dataset))
@@ -289,7 +289,7 @@ def blind_terms(evidence: ScoreTable, threshold: float, among: Catalogue) -> lis
 
 
 def measure_blind(blind: Sequence[Term], tracked: bool) -> tuple[dict[str, Any], ...]:
-    """The measurements for the first of these terms; none of flights that are filmed already."""
+    """Return the measurements for the first of these terms; none for flights that are already filmed."""
     found: dict[str, tuple[str, list[str]]] = {}
     for term in blind:
         if term.instrument is not None and not (tracked and (isinstance(term, WatchTerm) or term.instrument.filmed)):
@@ -299,7 +299,7 @@ def measure_blind(blind: Sequence[Term], tracked: bool) -> tuple[dict[str, Any],
 
 
 def measure_terms(terms: Sequence[Term], tracked: bool = False) -> tuple[dict[str, Any], ...]:
-    """The measurements that settle which of these terms it is; none of flights that are filmed already."""
+    """Return the measurements that settle which of these terms it is; none for flights that are already filmed."""
     instruments = [term.instrument for term in terms]
     wanted = {one.id: one.what for one in instruments if one is not None and not (tracked and one.filmed)}
     return tuple({"do": "measure", "instrument": name, "what": what} for name, what in list(wanted.items())[:FEW])
@@ -363,7 +363,7 @@ def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[st
 
 
 def moved_by(evidence: ScoreTable, one: LauncherFit) -> Float[Array, " P"]:
-    """Change [P] of the evidence's columns that a refit of one name amounts to.
+    """Return the change [P] of the evidence's columns that corresponds to a refit of one name.
 
     A name that is a fitted number itself (one that has changed since the belief) stands in that number's place: it is
     then a move from where the number was fitted, not from where it was believed.

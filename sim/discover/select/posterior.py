@@ -53,7 +53,7 @@ class Part:
 
 
 def with_parts(evidence: ScoreTable, parts: Sequence[Part]) -> ScoreTable:
-    """The table of the parts' coefficients and the shared numbers alone, all shared."""
+    """Return the table of the parts' coefficients and the shared numbers alone, all shared."""
     first, count = evidence.first_shared, len(evidence.rows)
     rest = np.arange(first, evidence.linear.shape[1])
     own = np.concatenate([*(np.full(part.shapes.shape[1], part.column) for part in parts), rest]).astype(int)
@@ -93,8 +93,8 @@ def log_evidence(table: ScoreTable) -> tuple[float, Float[Array, " P"], Float[Ar
 
 def process_shapes(values: Float[Array, " n"], length: float,
                    at: Float[Array, " m"] | None = None) -> Float[Array, "m q"]:
-    """Shapes of a Gaussian process of variance 1 over values in EDGES (0 where unknown), less their mean; the same
-    `at` other values, if given."""
+    """Return shapes of a Gaussian process of variance 1 over values in EDGES (0 where unknown), minus their mean; also
+    at other values `at`, if given."""
     known = np.isfinite(values)
     low, high = np.percentile(values[known], EDGES)
     knots = np.linspace(0.0, 1.0, KNOTS)
@@ -111,20 +111,20 @@ def process_shapes(values: Float[Array, " n"], length: float,
 
 
 def group_shapes(codes: Int[Array, " n"], levels: int) -> Float[Array, "n q"]:
-    """One shape a group (-1: none), less their mean."""
+    """Return one shape per group (-1: none), minus their mean."""
     shapes = (codes[:, None] == np.arange(levels)) * 1.0
     return np.asarray(np.where((codes >= 0)[:, None], shapes - shapes[codes >= 0].mean(0), 0.0))
 
 
 @dataclass(frozen=True)
 class Projected:
-    """Score [q] and information [q, q] of a column's shapes with what the shared numbers explain taken out."""
+    """Score [q] and information [q, q] of a column's shapes, with what the shared numbers explain projected out."""
 
     score: Float[Array, " q"]
     info: Float[Array, "q q"]
 
     def nats(self, sd: float) -> float:
-        """Log evidence of normal coefficients of this deviation against none, in closed form."""
+        """Return the log evidence of normal coefficients of this deviation against none, in closed form."""
         return _gained(self.score, self.info, sd**2 * np.eye(len(self.score)))
 
     def nats_since(self, home: "Projected", sd: float) -> float:
@@ -143,7 +143,7 @@ def _gained(score: Float[Array, " q"], info: Float[Array, "q q"], covariance: Fl
 
 
 class Projector:
-    """Projects a table's columns, the shared ones' information inverted once."""
+    """Projects a table's columns; the shared columns' information is inverted once."""
 
     def __init__(self, evidence: ScoreTable) -> None:
         self._evidence = evidence
@@ -152,7 +152,7 @@ class Projector:
         self._score = evidence.score[:, shared].sum(0) + evidence.pull
 
     def of(self, column: int, shapes: Float[Array, "n q"]) -> Projected:
-        """Of a column times shapes."""
+        """Project a column times shapes."""
         evidence = self._evidence
         own = evidence.own_score[:, column]
         cross = shapes.T @ evidence.deal.spread(evidence.info[:, column])[:, evidence.shared]
@@ -246,7 +246,7 @@ class Family:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Terms by the names of their columns, and an unexplained change or None."""
+    """Terms by their column names, and an unexplained change or None."""
 
     names: tuple[str, ...]
     family: Family | None
@@ -263,7 +263,7 @@ class Hypotheses:
     pairs: dict[tuple[str, str], LauncherFit]
 
     def unexplained(self) -> float:
-        """Of an unexplained change, alone or beside a term."""
+        """Probability of an unexplained change, alone or beside a term."""
         return self.share("unexplained") + self.share("both")
 
     def inclusion(self, beside: bool = False) -> dict[str, float]:
@@ -275,12 +275,12 @@ class Hypotheses:
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
     def held_by(self, names: Collection[str], beside: bool = False) -> float:
-        """Probability that one of these is among what is missing; `beside` as above."""
+        """Return the probability that one of these is among what is missing; `beside` as above."""
         return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True)
                          if (beside or kind_of(one) != "both") and any(name in names for name in one.names)))
 
     def likeliest_pair(self) -> LauncherFit | None:
-        """Of those that were refitted."""
+        """The likeliest of the pairs that were refitted."""
         pairs = {one.names: p for one, p in zip(self.hypotheses, self.probability, strict=True)
                  if one.names in self.pairs and one.family is None}
         return self.pairs[max(pairs, key=lambda names: pairs[names])] if pairs else None
@@ -292,12 +292,12 @@ class Hypotheses:
         return self.hypotheses[max(able, key=lambda k: able[k])] if able else None
 
     def share(self, kind: str) -> float:
-        """Of the hypotheses of one kind of SHARES."""
+        """Return the share of the hypotheses of one kind of SHARES."""
         return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True) if kind_of(one) == kind))
 
 
 def kind_of(one: Hypothesis) -> str:
-    """Of SHARES; "varies": the size of the term itself differs from ball to ball."""
+    """Return the kind of SHARES; "varies": the size of the term itself differs from ball to ball."""
     if one.family is None:
         return "one" if len(one.names) == 1 else "two"
     return "unexplained" if not one.names else "varies" if one.family.column in one.names else "both"
@@ -432,13 +432,13 @@ def _refitted(fitted: LauncherFit, guesses: Guesses, least: float) -> dict[tuple
 
 
 def nats_known(fitted: LauncherFit, name: str, amplitude: float, sd: float, usual: float) -> float:
-    """Nats for an amplitude beside the shots: its range, and what was measured of it."""
+    """Return nats for an amplitude from other knowledge than the shots: its range, and its measurement."""
     return (terms.nats_in_range(fitted, name, amplitude, sd, usual)
             + terms.nats_measured(fitted.model.layout.measured, name, amplitude, sd))
 
 
 def range_nats(fitted: LauncherFit, naming: terms.Naming, name: str) -> float:
-    """For the prior of a refitted name's amplitude being cut where the parameter's range ends."""
+    """Return nats for truncating the prior of a refitted name's amplitude at the parameter's range."""
     found = naming.refits.get(name)
     if found is None:
         return 0.0
@@ -448,7 +448,7 @@ def range_nats(fitted: LauncherFit, naming: terms.Naming, name: str) -> float:
 
 def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor],
                 home: ReferenceSession | None = None) -> list[Family]:
-    """Every unexplained change that the table can show, by closed form; likeliest first."""
+    """Return every unexplained change that the table can show, in closed form; likeliest first."""
     rows, projector, ones = evidence.rows, Projector(evidence), np.ones((len(evidence.rows), 1))
     earlier = None if home is None else Projector(home.fitted.scores)
     shapes: list[tuple[Covariate | Factor, list[Shapes]]] = [
