@@ -180,7 +180,7 @@ def told_by_session(belief: Belief) -> tuple[str, ...]:
 
 
 def score_since(dataset: Dataset, belief: Belief) -> ScoreTable | None:
-    """Return the score table of a dataset about the belief's mean; None if no shot depends on the height."""
+    """Return the score table of a dataset about the belief's mean; None if no shot has information on the height."""
     dataset = before_flight(dataset.in_order())
     names = believed_names(dataset, tuple(belief.coefficients), belief.catalogue)
     data = take_in(dataset, belief.curves, fewest=1)

@@ -41,11 +41,12 @@ class Axis:
     count: int
 
     def values(self) -> np.ndarray:
-        """All values, each the float nearest to its decimal."""
+        """Return all values, each the float nearest to its decimal."""
         return (round(self.low * self.per_unit) + np.arange(self.count)) / self.per_unit
 
     def nearest(self, values: np.ndarray) -> np.ndarray:
-        """Index of the grid value nearest to each value; -1 where it is further than half a step outside the axis."""
+        """Return the index of the grid value nearest to each value; -1 if it is more than half a step outside the
+        axis."""
         index = np.rint((values - self.low) * self.per_unit)
         return np.where((index >= 0) & (index < self.count), index, -1).astype(np.int64)
 
@@ -55,7 +56,7 @@ SHAPE = tuple(axis.count for axis in AXES)
 
 
 def grid_shots(index: np.ndarray) -> Shots:
-    """The configurations at flat positions of the grid (motor_ratio slowest, distance_m fastest)."""
+    """Return the configurations at flat positions of the grid (motor_ratio slowest, distance_m fastest)."""
     places = np.unravel_index(index, SHAPE)
     numbers = {axis.name: axis.values()[place] for axis, place in zip(AXES, places, strict=True)}
     return Shots(tuple(f"sim-{position:06d}" for position in index), numbers, {})
@@ -103,7 +104,7 @@ def sample_balanced(outcomes: np.ndarray, count: int, taken: np.ndarray, seed: i
 
 
 def check_draw(count: int, seed: int) -> None:
-    """InputError names the option that no sample can be drawn with."""
+    """Raise InputError naming the option with which no sample can be drawn."""
     if count < len(OUTCOMES):
         raise InputError(f"-n is {count}; at least {len(OUTCOMES)} shots are needed, one of each outcome")
     if seed < 0:

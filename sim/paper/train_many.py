@@ -66,10 +66,10 @@ def sigmoid(x: np.float32) -> np.float32:
 
 
 class Deck(NamedTuple):
-    """What deals the minibatches of a network; changed in place.
+    """State from which a network's minibatches are dealt; changed in place.
 
-    `dice` [1] uint64, not 0: generator. `cards` [rows] int32: permutation of its recorded rows' numbers, then of its
-    simulated ones'. `sizes` [2]: how many of each. `at` [3]: next card of either, and minibatches left in the epoch.
+    `dice` [1] uint64, not 0: generator. `cards` [rows] int32: permutation of the numbers of its recorded rows, then of
+    its simulated ones. `sizes` [2]: number of each. `at` [3]: next card of either, and minibatches left in the epoch.
     """
 
     dice: Any
@@ -80,7 +80,7 @@ class Deck(NamedTuple):
 
 @njit(fastmath=_FAST, error_model="numpy", nogil=True, cache=True)
 def advance(rows: Any, deck: Deck, weights: Any, state: Any, first: int, steps: int, learning_rate: float) -> None:
-    """Adam steps on a network, in place.
+    """Make Adam steps on a network, in place.
 
     rows [n, 5]; weights [2] of a recorded and of a simulated row in the loss; state [3, 50] parameters and Adam's two
     moments; `first` steps were made before.
@@ -192,7 +192,7 @@ class Trained:
 
 
 def check_job(job: Job) -> None:
-    """InputError names what is wrong with one network's rows, lambda or seed."""
+    """Raise InputError naming what is wrong with one network's rows, lambda or seed."""
     if job.seed < 0:
         raise InputError(f"--seed is {job.seed}; it cannot be negative")
     if not 0.0 <= job.simulated_weight < math.inf:
@@ -202,7 +202,7 @@ def check_job(job: Job) -> None:
 
 
 def batches_per_epoch(real: int, simulated: int) -> int:
-    """Minibatches of once through the simulated rows, or the recorded ones where there are no others."""
+    """Return the minibatches of one pass through the simulated rows, or the recorded ones without simulated ones."""
     return -(-(simulated or real) // BATCH)
 
 
@@ -261,18 +261,18 @@ def _mean_losses(layers: Layers, rows: np.ndarray, sizes: Sequence[int]) -> list
 
 
 def make_deck(rng: np.random.Generator, real: int, simulated: int) -> Deck:
-    """What deals the minibatches of a network with so many rows; the generator gives one seed."""
+    """Return the deck of a network with so many rows; the generator gives one seed."""
     return Deck(rng.integers(1, 2**63, dtype=np.uint64, size=1), np.arange(real + simulated, dtype=np.int32),
                 np.array([real, simulated]), np.zeros(3, np.int64))
 
 
 def pack(layers: Layers) -> np.ndarray:
-    """The parameters [50] in the kernel's order."""
+    """Return the parameters [50] in the kernel's order."""
     return np.concatenate([np.ravel(part) for part in layers])
 
 
 def unpack(parameters: np.ndarray) -> Layers:
-    """Layers of parameters [50]."""
+    """Return the layers of parameters [50]."""
     ends = np.cumsum([math.prod(shape) for shape in SHAPES])
     return Layers(*(part.reshape(shape).astype(float) for part, shape in
                     zip(np.split(np.asarray(parameters), ends[:-1]), SHAPES, strict=True)))
