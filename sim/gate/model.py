@@ -387,8 +387,8 @@ def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
 def halves_of(rig: Rig) -> tuple[float, float]:
     """Return (two, three) half-heights of rig.toml in m; InputError if it has no target.
 
-    If every hit counts the same, hits are threes here, so that the robot's limit on p_three applies to them; the two's
-    margin is then negligible.
+    If every hit counts the same, hits are threes here, so that the robot's limit on p_three applies to them; the
+    three's half-height is then too large to matter.
     """
     opening = opening_of(rig, {})
     return opening.two_half_m, opening.three_half_m or FAR * opening.two_half_m

@@ -261,7 +261,7 @@ def _mean_losses(layers: Layers, rows: np.ndarray, sizes: Sequence[int]) -> list
 
 
 def make_deck(rng: np.random.Generator, real: int, simulated: int) -> Deck:
-    """Return the deck of a network with so many rows; the generator gives one seed."""
+    """Return the deck of a network with so many rows; `rng` supplies one seed."""
     return Deck(rng.integers(1, 2**63, dtype=np.uint64, size=1), np.arange(real + simulated, dtype=np.int32),
                 np.array([real, simulated]), np.zeros(3, np.int64))
 

@@ -133,7 +133,7 @@ def settle(flights: laws.Flights, films: Films, sigma_m: Array, names: tuple[str
 
 def cost_of(flights: laws.Flights, films: Films, sigma_m: Array, names: tuple[str, ...], prior: Array,
             at: State) -> float:
-    """In nats."""
+    """Return the cost in nats."""
     velocity, bend = _differences(films, at.position_m)
     law = _library(flights, films, names, velocity) @ at.weights + laws.gravity(flights.facts)
     miss = films.law[..., None] * flights.measured * (bend - law) / SOFT_M_S2
@@ -156,7 +156,7 @@ def choose(square: Array, pull: Array, prior: Array, known: int) -> Chosen:
 
 
 def solve(square: Array, pull: Array, prior: Array, kept: Array) -> Chosen:
-    """The most probable coefficients of a set, and its evidence by Laplace."""
+    """Return the most probable coefficients of a set, and its evidence by Laplace's approximation."""
     weights, sd = np.zeros((2, len(pull)))
     hessian = square[np.ix_(kept, kept)] + np.diag(prior[kept]**-2.0)
     covariance = np.linalg.inv(hessian)
@@ -166,7 +166,7 @@ def solve(square: Array, pull: Array, prior: Array, kept: Array) -> Chosen:
 
 
 def film(flights: laws.Flights) -> Films:
-    """Tracks on even steps; frames that were lost are not seen."""
+    """Return tracks on even steps; lost frames are marked as not seen."""
     tracks = [flights.filled(k) for k in range(len(flights))]
     longest = max(len(time_s) for time_s, _ in tracks)
     position_m, smooth_m = np.zeros((2, len(tracks), longest, 3))
@@ -181,7 +181,7 @@ def film(flights: laws.Flights) -> Films:
 
 
 def noise_of(flights: laws.Flights) -> Array:
-    """[3] standard deviations in m, an axis that was not measured as the others."""
+    """Return [3] standard deviations in m; an axis that was not measured gets the others'."""
     samples = Samples(np.arange(len(flights)), flights.time_s, flights.position_m, flights.real)
     sigma_m = measure_scatter(samples, flights.facts.noise.track_m).sigma_m
     noise: Array = np.where(flights.measured, sigma_m, sigma_m[flights.measured].mean())
@@ -189,7 +189,7 @@ def noise_of(flights: laws.Flights) -> Array:
 
 
 def linearise(flights: laws.Flights, films: Films, sigma_m: Array, names: tuple[str, ...], at: State) -> Linear:
-    """About a state."""
+    """Linearise the cost about a state."""
     step_s = films.step_s[:, None, None]
     velocity, bend = _differences(films, at.position_m)
     library = _library(flights, films, names, velocity)

@@ -104,7 +104,7 @@ def solve(root: Path, rivals: tuple[str, ...], world: str) -> dict[str, Any]:
 
 
 def solve_again(root: Path, world: str) -> dict[str, Any]:
-    """The same with the shots that were asked for."""
+    """Solve again with the requested shots."""
     room = Room(root)
     forbid(room.keeper)
     reading = room.more(world) / MEASURED
@@ -194,7 +194,7 @@ def _believed_at_home(room: Room) -> ta.Belief:
 
 @cache
 def at_home(room: Room) -> tuple[ta.Dataset, ta.Belief]:
-    """The unmodified robot's session, and what it leaves to be believed."""
+    """Return the unmodified robot's session, and the belief from it."""
     directory = room.data(HOME)
     if not directory.is_dir():
         raise ta.InputError(f"{directory}: is missing: these worlds are to be compared with it")
@@ -228,7 +228,7 @@ def solver_files(sources: Mapping[ModuleType, Iterable[str]]) -> list[tuple[str,
 
 
 def forbid(directory: Path) -> None:
-    """From now on nothing in this process opens anything in there: PermissionError."""
+    """Forbid this process from now on to open anything in there: PermissionError."""
     if not _forbidden:
         sys.addaudithook(_refuse)
     _forbidden.append(os.path.realpath(directory))

@@ -440,8 +440,8 @@ def own_slope(name: str, value: float, among: Catalogue) -> float:
 def inform(layout: Layout, belief: Belief, sure: bool = True) -> Layout:
     """Return the layout, whose priors are independent, with the belief's better knowledge.
 
-    A coefficient that the belief states without uncertainty keeps its width and takes the belief's value; so do all if
-    the belief is not `sure`.
+    A coefficient that the belief states without uncertainty keeps its width and takes the belief's value; so do all
+    unless `sure`.
     """
     first = layout.first_shared
     columns = [replace(column, told=column.told or believed_name(column.name) in belief.names)
