@@ -125,8 +125,7 @@ class Unknown(Struct, frozen=True, omit_defaults=True):
 
 
 class FoundEffect(Struct, frozen=True):
-    """One effect, with those found before it included: names as in FindingRecord; `unknown` if none of them is the
-    cause."""
+    """One effect, with those found before it included: names as in FindingRecord; `unknown` if none of them is it."""
 
     what: tuple[Named, ...]           # as in the finding
     set: tuple[str, ...] | None       # as in the finding
