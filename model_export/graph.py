@@ -42,7 +42,8 @@ def network_part(network: Network) -> Part:
 
 
 def novelty_part(novelty: gates.Novelty) -> Part:
-    """Distance to the k-th nearest landmark over the largest known one; `features` to `novelty` [n, 1].
+    """Return the nodes of the distance to the k-th nearest landmark over the largest known one; `features` to `novelty`
+    [n, 1].
 
     |z - y|^2 is taken as |y|^2 - 2 z.y, of which the smallest are found, plus |z|^2: one matrix product a decision.
     """
@@ -150,7 +151,7 @@ def _physics(directory: str | Path) -> Trained:
 
 def make_model(parts: Sequence[Part], domain: dict[str, list[float]], novelty: dict[str, Any],
                provenance: dict[str, Any]) -> bytes:
-    """ONNX bytes: `features` float32 [n, 3] in, `p` [n, 2] (p_two, p_three) and `novelty` [n, 1] float32 out.
+    """Return ONNX bytes: `features` float32 [n, 3] in, `p` [n, 2] (p_two, p_three) and `novelty` [n, 1] float32 out.
 
     `domain` is {feature: [low, high]} in the contract's units; `novelty` is what the second output is measured from.
     They, the contract, its hash, the provenance and the file's own seal stand in the metadata. The same arguments give

@@ -110,8 +110,8 @@ def home(inputs: Inputs, estimate: Estimate, watched: Watch, config: Config) -> 
 
 def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, watched: Watch, config: Config,
               left_deg: float) -> float:
-    """A hood torque that keeps to `[hood] max_deg_s`, and to less near a soft limit, beyond which it is 0, or on
-    readings that grow old.
+    """Return a hood torque that respects `[hood] max_deg_s`, and less near a soft limit, beyond which it is 0, or on
+    old readings.
 
     What the torque has beyond friction fades linearly to nothing at the limit, and brakes beyond it: the speed then
     settles like a first-order lag. The faster of screw and encoder counts; only a young speed of the screw is braked.

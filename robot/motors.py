@@ -27,7 +27,8 @@ _kept_side_m = lru_cache(8)(_side_m)  # of the lowest elevation, asked for in ea
 
 
 def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
-    """Launch elevation when the screw motor has turned this far up from the limit switch; None beyond the linkage."""
+    """Return the launch elevation for this turn of the screw motor up from the limit switch; None beyond the
+    linkage."""
     a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
     travel = turned_rad * hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi)
     length = _kept_side_m(hood.included_deg + hood.low_deg, a, b) + travel
@@ -56,7 +57,7 @@ def screw_travel_rad(hood: Hood) -> float:
 
 
 def elevation_from_encoder_deg(angle_rad: float, encoder: HoodEncoder, zero_deg: float) -> float:
-    """Launch elevation from the encoder on the hood pivot, in (-180, 180]; zero_deg: its reading where that is 0."""
+    """Return the launch elevation from the encoder on the hood pivot, in (-180, 180]; zero_deg: its reading at 0."""
     turned = (math.degrees(angle_rad) - zero_deg) * encoder.direction
     return 180.0 - (180.0 - turned) % 360.0
 

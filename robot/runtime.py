@@ -31,7 +31,7 @@ class RobotIo(Protocol):
     def write(self, command: Command) -> Sent: ...
 
     def picture(self) -> CameraFrame | None:
-        """The newest camera image, if this rig has one."""
+        """Return the newest camera image, if this rig has one."""
 
 
 class RigLayer:

@@ -129,8 +129,11 @@ def parse_server(server: str) -> tuple[int, str, int]:
 
 
 def names_of(key: str) -> list[str]:
-    """Topics that a map's key may be: of the log's name without NT:, and where AdvantageKit publishes it; a key
-    `/Name/0` may also be a part of an array or of a struct of doubles, or a bit of an integer (its lowest is 0)."""
+    """Return topics that a map's key may be: the log's name without NT:, and where AdvantageKit publishes it.
+
+    A key `/Name/0` may also be an element of an array or of a struct of doubles, or a bit of an integer (its lowest is
+    0).
+    """
     plain = "/" + key.removeprefix("NT:").lstrip("/")
     array = [plain.rpartition("/")[0]] if plain.rpartition("/")[2].isdigit() else []
     return [name for one in (plain, *array) for name in (one, OLDER + one)]

@@ -65,7 +65,8 @@ class WpilogWriter:
 
 
 def write_wpilog(rows: ExportRows, file: IO[bytes]) -> None:
-    """Every signal when it changes, under /estimate/hood_deg and the like, and each trial as JSON under /trial.
+    """Write every signal when it changes, under /estimate/hood_deg and the like, and each trial as JSON under
+    /trial.
 
     Beside them, under the names that AdvantageScope knows: `DS:enabled` (armed), `systemTime` (wall clock, once), and
     `/pose`, a Pose2d of the robot before the target (truearc.robot.recording.export).
@@ -157,7 +158,8 @@ DOUBLES = {"struct:Rotation2d": ("value",), "struct:Translation2d": ("x", "y"),
 
 
 def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: None) -> "Log":
-    """Every signal of numbers, booleans or texts, and the parts of arrays (`name/0`), JSON and WPILib's plane structs.
+    """Read every signal of numbers, booleans or texts, and the parts of arrays (`name/0`), JSON and WPILib's plane
+    structs.
 
     Raises:
         InputError: there is no such file, or it is not a WPILOG.

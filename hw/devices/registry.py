@@ -55,7 +55,7 @@ def errors(axis: AdvisoryConfig, motor: MotorReading) -> tuple[Reason, ...]:
 
 
 def is_driven(axis: AdvisoryConfig, motor: MotorReading) -> bool:
-    """A SPARK of another controller does not report whether it is enabled."""
+    """Return whether the device is driven; a SPARK of another controller does not report it, and counts as driven."""
     return axis.listens_to == "spark" or motor.axis_state == odrive.CLOSED_LOOP
 
 

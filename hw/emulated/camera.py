@@ -209,8 +209,8 @@ class EmulatedCamera:
 
 
 def outline_m(tape: TapeSize) -> Array:
-    """(8, 3) corners in the target's frame (truearc.hw.emulated.nodes.View): outer bottom right, bottom left, top
-    left, top right, then the same four of the tape's inner edge."""
+    """Return (8, 3) corners in the target's frame (truearc.hw.emulated.nodes.View): outer bottom right, bottom left,
+    top left, top right, then the same four of the tape's inner edge."""
     top, bottom, high, wide = tape.top_width_m / 2, tape.bottom_width_m / 2, tape.height_m / 2, tape.tape_width_m
     slope = (top - bottom) / tape.height_m
     across = wide * np.hypot(1.0, slope)              # the tape's width measured horizontally on its sloping sides

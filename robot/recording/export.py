@@ -352,8 +352,8 @@ def write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Pa
 
 
 def write_mcap(rows: ExportRows, file: IO[bytes], flights: Flights = NO_FLIGHTS) -> int:
-    """The recording's ticks and trials in one whole file, also where it is cut short or lacks /trial, with topics for
-    viewers; times are the wall clock's. Returns how many images are missing."""
+    """Write the recording's ticks and trials to one complete file, even if it is truncated or lacks /trial, with topics
+    for viewers and wall-clock times. Return how many images are missing."""
     out, wall, trials = TickFile(file), layout.wall_time(rows.header), rows.trials_in_time()
     viewer = ViewerMessages(out.mcap, rows.session, rows.flat, rows.config.rig.target, rows.trials, wall, flights)
 

@@ -74,7 +74,7 @@ class SessionWriter:
         return self._keeper.failed
 
     def trouble(self) -> Reason | None:
-        """Why what is recorded is not reaching the disk; None while it is."""
+        """Why recorded data are not reaching the disk; None while they are."""
         return self._keeper.trouble()
 
     def is_over(self) -> bool:
@@ -215,7 +215,7 @@ class LaneKeeper:
         """Continue pending work; called once per tick."""
 
     def trouble(self) -> Reason | None:
-        """Why what is recorded is not reaching the disk; None while it is."""
+        """Why recorded data are not reaching the disk; None while they are."""
         troubles = (self._files.unmade, *(lane.trouble for lane in self._lanes))
         if (error := next(filter(None, troubles), None)) is not None:
             return disk_trouble(error)

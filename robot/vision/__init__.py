@@ -96,8 +96,10 @@ def draw_mask(image: Image, file: CameraFile) -> Image:
 
 
 def draw_regions(image: Image, file: CameraFile) -> tuple[Image, list[str]]:
-    """The dimmed image with each region outlined and numbered, the target's corners and marks where it is one; and for
-    each region, in its number's order, what it is or why it is not the target."""
+    """Return the dimmed image with each region outlined and numbered, and the corners and marks of the target.
+
+    Also returns, for each region in order, what it is or why it is not the target.
+    """
     drawn: Any = (image * DIMMED).astype(np.uint8)
     optics = geometry.make_optics(file.camera, image.shape[1], image.shape[0])
     said = []

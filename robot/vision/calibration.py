@@ -83,7 +83,7 @@ def is_same(view: BoardView, other: BoardView) -> bool:
 
 
 def calibrate(views: Sequence[BoardView], camera: CameraConfig) -> BoardFit:
-    """The camera with what the views say of it; they are of its image size, and at least LEAST_VIEWS.
+    """Calibrate the camera from the views, of which there are at least LEAST_VIEWS, all of its image size.
 
     One sigma is the larger of what the corners' scatter gives and of what leaving out one view after another does
     (jackknife): views err as wholes where a board is bent or an exposure shaken.
@@ -135,9 +135,11 @@ class TapedFit(NamedTuple):
 
 def fit_taped(frames: Sequence[CameraFrame], taped_m: Sequence[float], camera: CameraConfig, tape: Tape,
               vision: Vision, *, tape_sigma_m: float, bias_sigma_m: float) -> TapedFit | None:
-    """Least squares of taped horizontal distances against those seen, with what was believed before as two more rows:
-    scale 1 within the calibration's uncertainty, bias as configured within `bias_sigma_m` (how well it is known where
-    the tape measure began). None when the target is found in fewer than LEAST of the images."""
+    """Fit taped horizontal distances to measured ones by least squares, with the prior knowledge as two more rows.
+
+    These are scale 1 within the calibration's uncertainty, and the configured bias within `bias_sigma_m` (how well it
+    is known where the tape measure began). None if the target is found in fewer than LEAST of the images.
+    """
     prior_sigma = camera.focal_sigma or FOCAL_SIGMA
     log_scale, bias_m = 0.0, camera.bias_m
     for _ in range(ROUNDS):

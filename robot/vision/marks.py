@@ -189,7 +189,7 @@ TRUE_BLURS, SEEN_BLURS = _blurred()
 
 
 def expected_widths(shape: Shape, to_image: Callable[[Array], Array]) -> Array:
-    """(3, SAMPLES): pixels from edge to edge, where `to_image` puts points of the target's plane in the image."""
+    """Return (3, SAMPLES): pixels from edge to edge, where `to_image` projects points of the target's plane."""
     edges = np.stack([shape.samples_m + shape.across_m, shape.samples_m - shape.across_m])
     seen = to_image(edges.reshape(-1, 2)).reshape(2, 3, SAMPLES, 2)
     across = seen[0] - seen[1]
@@ -197,8 +197,11 @@ def expected_widths(shape: Shape, to_image: Callable[[Array], Array]) -> Array:
 
 
 def compare_widths(seen_px: Array, rise_px: Array, good: Any, true_px: Array, clipped: bool) -> Widening | Reason:
-    """Widths at half height and rises of the edges as measured, which of them are good, and widths as marks and tape
-    make them, (3, SAMPLES) each, give the widening; or why this cannot be the tape, whole."""
+    """Return the widening, or why this cannot be the whole tape.
+
+    Arguments, (3, SAMPLES) each: measured widths at half height and rises of the edges, which of them are good, and the
+    widths that follow from marks and tape.
+    """
     count, off = good.sum(axis=1), seen_px - true_px
     width, blur, excess = (np.where(good, part, 0.0).sum(axis=1) / count for part in (true_px, rise_px / GENTLE, off))
     scatter = np.where(good, off - excess[:, None], 0.0)

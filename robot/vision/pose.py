@@ -82,8 +82,10 @@ class Optics:
         return np.asarray(seen, dtype=np.float64).reshape(-1, 2)
 
     def smooth_spread(self, points_px: Array, sigma_px: float) -> Array:
-        """(2 n, 2 n): covariance of (n, 2) pixels that a smooth bending of the image displaces by `sigma_px`: what is
-        left of the lens's distortion, a rolling shutter that shakes. Neighbours are displaced together."""
+        """Return (2 n, 2 n): covariance of (n, 2) pixels displaced by a smooth distortion of the image of `sigma_px`.
+
+        This covers the remaining lens distortion and a rolling shutter that shakes. Neighbours are displaced together.
+        """
         away = points_px[:, None, :] - points_px
         near = np.exp(-(away * away).sum(axis=2) / (2.0 * (BEND_SHARE * self.height_px) ** 2))
         spread = np.zeros((2 * len(points_px), 2 * len(points_px)))
@@ -100,8 +102,8 @@ class Optics:
         return replace(self, turns=sideways if smear_px2 > 0.0 else (right, math.hypot(down, seen)))
 
     def camera_spread(self, points_px: Array) -> Array:
-        """(2 n, 2 n): covariance of (n, 2) ideal pixels from the calibration's uncertainty and a camera that turns
-        while its rows are read: then the picture is sheared, or stretched from row to row."""
+        """Return (2 n, 2 n): covariance of (n, 2) ideal pixels from the calibration's uncertainty and a camera that
+        turns while its rows are read, which shears the picture or stretches it from row to row."""
         off = points_px - self.matrix[:2, 2]
         focal, aspect, centre_px = self.doubts
         shifts = np.zeros((6, len(points_px), 2))
@@ -243,8 +245,11 @@ def make_sighting(t_ns: int, pose: Pose, camera: CameraConfig, corners_px: Array
 
 def solve_pose(ideal_px: Array, spread_px2: Array, optics: Optics, camera: CameraConfig,
                tape: Tape | AprilTag) -> Pose | None:
-    """Best camera pose for four undistorted marks (4, 2) of a tape, or corners of a tag, with covariance (8, 8), to
-    which the camera's own is added; or None when there is none before the camera."""
+    """Return the best camera pose for four undistorted marks (4, 2) of a tape, or corners of a tag; None if there is
+    none in front of the camera.
+
+    The marks' covariance (8, 8) is increased by the camera's own.
+    """
     model_m = tag_corners_m(tape) if isinstance(tape, AprilTag) else make_shape(tape).marks_m
     count, rvecs, tvecs, errors_px = cv2.solvePnPGeneric(model_m, ideal_px, optics.matrix, None,
                                                          flags=cv2.SOLVEPNP_IPPE)

@@ -79,8 +79,7 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
 
 
 def hash_dataset(dataset: Dataset) -> str:
-    """SHA-256 of what a dataset says, whether it lay in CSV or Parquet; its name and its columns' order do not count.
-    """
+    """Return the SHA-256 of a dataset's content, in CSV or Parquet, regardless of its name and the order of columns."""
     digest = hashlib.sha256(msgspec.json.encode(dataset.facts, order="deterministic"))
     shots = dataset.shots
     _feed(digest, "shots", {"shot_id": shots.shot_id, **shots.numbers, **shots.texts})

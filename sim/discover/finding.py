@@ -201,7 +201,7 @@ def load_record(path: str | Path) -> FindingRecord:
 
 
 def make_json(result: Struct) -> bytes:
-    """JSON text of a finding, or of another result; numbers that are not finite become null."""
+    """Return the JSON text of a finding, or of another result; numbers that are not finite become null."""
     return msgspec.json.format(msgspec.json.encode(result), indent=1) + b"\n"
 
 

@@ -129,8 +129,8 @@ def _efficient(evidence: ScoreTable, columns: Int[Array, " K"]) -> tuple[
 
 
 def chance_threshold(correlation: Float[Array, "K K"]) -> float:
-    """Limit, in standard deviations, that the largest of K scores so correlated passes in the terms' share of alarms.
-    """
+    """Return the limit, in standard deviations, that the largest of K correlated scores exceeds at the terms' share of
+    the false-alarm rate."""
     size, turn = np.linalg.eigh(correlation)
     root = (turn * np.sqrt(np.maximum(size, 0.0))) @ turn.T
     drawn = np.random.default_rng(SEED).normal(size=(DRAWS, len(size))) @ root
@@ -212,8 +212,8 @@ FREE_M_S = (5.0, 11.0)                # thrown, where there is no launcher; chos
 
 def foresee(rig: Rig, believed: tuple[str, ...], level: str, shots: int, sides: bool = False, seed: int = 0,
             progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Sight:
-    """The effects that a season of `shots` with this rig could show; InputError as in rehearse. among: the catalogue.
-    """
+    """Return the effects that a season of `shots` with this rig could show; InputError as in rehearse. among: the
+    catalogue."""
     progress(0.0, "aim")
     dataset = rehearse(rig, believed, level, shots, sides, seed, among)
     progress(0.2, "slopes")
@@ -231,8 +231,11 @@ def is_planned(dataset: Dataset) -> bool:
 
 def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = False, seed: int = 0,
                     progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Sight:
-    """The effects that the shots of a dataset can show: with results at the coefficients fitted to them, else as aimed
-    beside the centre with the usual coefficients."""
+    """Return the effects that the shots of a dataset can show.
+
+    Shots with results are evaluated at the coefficients fitted to them, others as aimed beside the centre with the
+    usual coefficients.
+    """
     dataset = dataset.in_order()
     if not is_planned(dataset):
         model = _model_of(dataset, believed, among)
@@ -281,7 +284,7 @@ class Plan:
 
 def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASON_SHOTS, sides: bool = False,
              seed: int = 0, among: Catalogue | None = None) -> Dataset:
-    """A dataset of `shots` aimed beside the centre, high and low, as one aims to learn.
+    """Make a dataset of `shots` aimed beside the centre, high and low, as one aims to learn.
 
     L1 adds telemetry, circumstances, balls and sessions, L2 tracks. sides: high or low is noted of every miss. among:
     the catalogue of the terms.

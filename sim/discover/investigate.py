@@ -225,7 +225,7 @@ def usual_gain(before: ScoreTable, after: ScoreTable) -> tuple[float, float]:
 
 def make_belief(investigation: Investigation,
                 choice: "Choice[Simulation] | None" = None) -> tuple[Belief, dict[str, Any]]:
-    """(coefficients, scatter and covariance with all that was named, and the curve of the rest; provenance).
+    """Return (coefficients, scatter and covariance with everything named, and the curve of the rest; provenance).
 
     Where several names of the last effect could not be told apart, the simulation is chosen that forecasts their
     average (truearc.sim.discover.select.simulations). Where nothing is found, or nothing of it adopted, or even a
@@ -302,7 +302,7 @@ class Simulation:
 
     @staticmethod
     def of(investigation: Investigation, steps: tuple[Step, ...], gain: Gain, threshold: float | None) -> "Simulation":
-        """With these effects in it, as far as a simulation can hold them."""
+        """Return the simulation with these effects, as far as one can represent them."""
         named = tuple(step for step in steps if not step.unknown)
         free, why = (all_freed(steps[-1], investigation.search)
                      if steps and steps[-1].unknown and investigation.search is not None else ((), ""))
@@ -381,9 +381,11 @@ def _parts(several: Mixed | None) -> list[str]:
 
 def judge_points(investigation: Investigation, taken: Simulation,
                  threshold: float = worth.THRESHOLD) -> Adoption | None:
-    """Points on hold-out shots by what was taken, and by what stays without it: the belief that was started from, as it
-    is, else the fit of what was believed. None where nothing was taken, or no target tells points. threshold: of the
-    gate."""
+    """Return points on hold-out shots under the adopted belief, and under the one kept otherwise.
+
+    The latter is the earlier belief unchanged, or else the fit of what was believed. None if nothing was adopted, or no
+    target gives points. threshold: of the gate.
+    """
     fitted = investigation.fitted
     if fitted is None or taken.empty or fitted.model.data.rig.target is None:
         return None

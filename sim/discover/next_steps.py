@@ -129,7 +129,8 @@ def _contest(step: Step, names: tuple[str, ...]) -> Contest:
 
 
 def separation(contest: Contest, more: Information | float) -> Float[Array, "K K"]:
-    """Delta [K, K]: how far name k, at its best, is from data that j makes, as a chi-squared; 0 on the diagonal."""
+    """Return delta [K, K]: the chi-squared distance of name k, at its best, from data that j makes; 0 on the
+    diagonal."""
     left = efficient(contest.scores, contest.columns, more)[1]
     own = np.maximum(np.diag(left), 1e-300)
     return contest.amplitude[:, None]**2 * np.maximum(own[:, None] - left**2 / own[None, :], 0.0)
@@ -142,8 +143,8 @@ def worth(contest: Contest, more: Information | float) -> float:
 
 
 def at_paces(fitted: LauncherFit) -> dict[float, ScoreTable]:
-    """{pace: expected evidence of all shots so}; the recorded one alone where tracks or measured exits tell how fast
-    each ball was."""
+    """Return {pace: expected evidence of all shots at it}; only the recorded pace if tracks or measured exits give the
+    speed of each ball."""
     intake, there = fitted.model.data, {1.0: fitted.scores}
     if intake.samples is not None or np.isfinite(intake.exits).any() or not np.asarray(intake.lanes.rolled).any():
         return there
@@ -277,7 +278,7 @@ def _spin(dataset: Dataset, like_lift: bool) -> tuple[dict[str, Any], ...]:
 
 
 def blind_terms(evidence: ScoreTable, threshold: float, among: Catalogue) -> list[Term]:
-    """Terms that these shots would not have shown at their usual size, four times in five, among all that was asked.
+    """Return the tested terms that these shots would not have shown at their usual size, four times in five.
 
     Those that move shots most come first, whether or not fitted numbers can stand in for them. threshold: the |score|
     that a term needs, in standard deviations.
@@ -341,8 +342,8 @@ def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
 
 
 def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:
-    """The recorded configuration where the two, each fitted, forecast the most different heights; None where SHOTS of
-    them would hardly tell the two apart."""
+    """Return the recorded configuration where the two terms, each fitted, forecast the most different heights; None if
+    SHOTS of them would hardly separate the two."""
     evidence = step.fitted.scores
     plane = evidence.plane
     if plane is None or any(name not in step.naming.refits for name in pair):

@@ -176,15 +176,15 @@ def owners(curves: Curves) -> tuple[str, ...]:
 
 
 def resized(circumstances: Circumstances, whose: Sequence[str], points: Any) -> Circumstances:
-    """With the curves' points at these values [K], or [n, K] of each shot; `whose`: the owners. Differentiable."""
+    """Return circumstances with the curves' points at these values [K], or [n, K] for each shot; `whose`: the owners.
+    Differentiable."""
     shares = circumstances.curve_by * points
     mine = {term: np.array([owner == term for owner in whose]) for term in whose}
     return circumstances._replace(**{term: shares[..., here].sum(-1) for term, here in mine.items()})
 
 
 def before_the_shot(curves: Curves, rig: Rig, shots: Shots) -> Circumstances:
-    """Ordinary circumstances of configurations: only the columns of the launch and the distance say how large they are.
-    """
+    """Return ordinary circumstances of configurations: curve sizes depend only on launch and distance columns."""
     if not curves:
         return ORDINARY
     return along(curves, ORDINARY, {**shots.numbers, **launch_state(rig, shots)}, len(shots))

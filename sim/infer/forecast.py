@@ -40,7 +40,7 @@ class Height(NamedTuple):
 
 def height_at(rig: Rig, values: Values, given: Given, among: Catalogue, log_speed: Float[Any, " n"] | float = 0.0,
               elevation_rad: Float[Any, " n"] | float = 0.0) -> Height:
-    """Heights of launches that leave with these deviations, with their derivatives.
+    """Return heights of launches with these deviations, with their derivatives.
 
     values: {term: {parameter: value}}; gravity is always at work. A deviation acts on the ball as it leaves, after the
     launch terms. The derivatives by it are central differences of flights side by side, within 1e-5 of their size:
@@ -84,7 +84,8 @@ class Slopes(NamedTuple):
 @partial(jax.jit, static_argnames=("rig", "numbers", "among"))
 def slopes_at(rig: Rig, fixed: Values, numbers: tuple[Number, ...], at: Float[Any, " p"], given: Given,
               among: Catalogue) -> Slopes:
-    """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` has the values of the rest.
+    """Return heights and exact derivatives; `numbers` names the entries of `at` [p], `fixed` has the values of the
+    rest.
 
     A point of the given circumstances' curves is called by its term and its place among all their points.
     """

@@ -158,8 +158,8 @@ class Launcher:
         return replace(middle, log_scatter=log_scatter)
 
     def starts(self) -> tuple[Point, ...]:
-        """For each size of the scatter the best of a grid over up to MOST_GRID coefficients, by outcomes, then the
-        priors' middle; of tracks the first alone."""
+        """Return, for each size of the scatter, the best of a grid over up to MOST_GRID coefficients, by outcomes, then
+        the priors' middle; for tracks only the first."""
         middle, layout = self.middle(), self.layout
         if len(self.data.marked) < FEWEST:
             return (middle,)
@@ -180,8 +180,8 @@ class Launcher:
 
     def rough_likelihood(self, points: Float[Array, "points slots"],
                          kept: Sequence[int] = ()) -> Float[Array, "points scatters"]:
-        """Log-likelihood of some of the outcomes, at some sizes of one scatter of the height; with the terms of the
-        `kept` columns in the air."""
+        """Return the log-likelihood of some of the outcomes, at some sizes of one scatter of the height, with the terms
+        of the `kept` columns in the air."""
         marked = self.data.marked
         some = np.arange(len(marked))[::-(-len(marked) // SOME)]
         lanes = self.data.lanes.take(np.resize(marked[some], SOME))
@@ -194,8 +194,8 @@ class Launcher:
                           for factor in SCATTER_GRID] for row in mean])
 
     def easier(self) -> Iterable["Launcher"]:
-        """First no height may be a slip, and physics does not change how heights scatter; then the tracker has hardly
-        any error.
+        """Return easier models: first no height may be a slip, and physics does not change the scatter of heights; then
+        the tracker has hardly any error.
 
         A height that is a slip costs a few nats however far it is off, so that a climb from far away may end where half
         of the heights are called slips; where nothing scores yet, physics by which heights scatter more looks better
@@ -246,8 +246,8 @@ def _bounds(slots: tuple[tuple[str, str], ...],
 
 
 def out_of_range(values: Mapping[str, float], among: Catalogue) -> list[str]:
-    """Names ("term.parameter") of values that no fit may come to, or that stopped at their limit; scatters have none.
-    """
+    """Return names ("term.parameter") of values that no fit may reach, or that stopped at their limit; scatters have no
+    limit."""
     slots = tuple(tuple(name.split(".", 1)) for name in values if not name.startswith("scatter."))
     low, high = _bounds(slots, among)
     return [".".join(slot) for slot, least, most in zip(slots, low, high, strict=True)
@@ -304,7 +304,7 @@ class Sought:
         return abs(self.at(value) - self.centre) > IMPROBABLE * self.sd
 
     def slope(self, at: float) -> float:
-        """d value / d column."""
+        """Return d value / d column."""
         return self.value(at) if self.scatters else 1.0
 
 
@@ -315,8 +315,8 @@ def improbable(layout: Layout, point: Float[np.ndarray, " p"]) -> dict[str, floa
 
 
 def sought_of(layout: Layout) -> tuple[Sought, ...]:
-    """The numbers of terms, a tracker's among them, and of the launch's scatter; not random effects, nor scatters that
-    no belief keeps."""
+    """Return the numbers of terms, including a tracker's, and of the launch scatter, without random effects and
+    scatters that no belief keeps."""
     sd: Float[np.ndarray, " p"] = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
     found = []
     first = layout.first_shared

@@ -142,7 +142,7 @@ def fly_batch(w: Floats, facts: Numbers, deepest_m: float, most_steps: float) ->
 
 @fast
 def turn_batch(w: Floats, facts: Numbers) -> float:
-    """LONGEST: the part of the last step for which vx > 0; returns the number of lanes that may reach the plane."""
+    """Set LONGEST, the part of the last step for which vx > 0; return the number of lanes that may reach the plane."""
     turning, near = 0.0, 0.0
     for lane in range(LANES):
         _nx, _nz, nvx, _nvz = part_of_step(w, facts, lane, w[STEP + lane])
@@ -167,7 +167,8 @@ def turn_batch(w: Floats, facts: Numbers) -> float:
 
 @fast
 def reach_batch(w: Floats, facts: Numbers) -> None:
-    """TIME: the part of the last step after which the lane is at the plane, or LONGEST; FLYING: 1 if it gets there."""
+    """Set TIME, the part of the last step after which the lane is at the plane, or LONGEST, and FLYING, 1 if it gets
+    there."""
     for lane in range(LANES):
         tx, _tz, _tvx, _tvz = part_of_step(w, facts, lane, w[LONGEST + lane])
         vx, gap = w[VX + lane], w[DISTANCE + lane] - w[X + lane]

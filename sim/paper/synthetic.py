@@ -65,7 +65,7 @@ def grid_shots(index: np.ndarray) -> Shots:
 def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
                progress: Progress = lambda done, note: None, curves: Curves = NONE,
                among: Catalogue | None = None) -> np.ndarray:
-    """Outcome of every configuration of the grid, flat, by the simulator with gravity and these terms.
+    """Return the outcome of every configuration of the grid, flat, from the simulator with gravity and these terms.
 
     Some of the terms may go with curves. among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue()
     when not given. InputError when the rig has no target, or cannot turn a motor ratio into a launch.
@@ -77,14 +77,15 @@ def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
 
 
 def taken_configurations(shots: Shots) -> np.ndarray:
-    """Flat positions of the grid nearest to recorded shots; a shot that lacks one of the three columns has none."""
+    """Return flat positions of the grid nearest to recorded shots; none for a shot that lacks one of the three
+    columns."""
     known = np.all([np.isfinite(shots.number(axis.name)) for axis in AXES], axis=0)
     places = np.stack([axis.nearest(shots.number(axis.name)[known]) for axis in AXES])
     return np.unique(np.ravel_multi_index(tuple(places[:, (places >= 0).all(axis=0)]), SHAPE))
 
 
 def sample_balanced(outcomes: np.ndarray, count: int, taken: np.ndarray, seed: int) -> np.ndarray:
-    """`count` flat positions, ascending, as evenly by outcome as may be, none of them in `taken`; drawn by seed.
+    """Draw `count` flat positions by seed, ascending, as even by outcome as possible, none of them in `taken`.
 
     What does not divide by three goes to miss first, then two. InputError when an outcome is too rare for its share.
     """

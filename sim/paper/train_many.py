@@ -46,7 +46,7 @@ _FAST = {"contract", "reassoc", "arcp", "nsz"}
 
 @njit(fastmath=_FAST, error_model="numpy", cache=True)
 def sigmoid(x: np.float32) -> np.float32:
-    """1 / (1 + exp(-x)) within 1e-6: five terms of the series of exp(-x / 32), squared five times.
+    """Return 1 / (1 + exp(-x)) within 1e-6: five terms of the series of exp(-x / 32), squared five times.
 
     The series is rough only where the sigmoid is flat. No branch and no table, which is what lets nodes share
     vector instructions. Beyond x = 48 the series would rise again, hence the bound.
@@ -119,7 +119,8 @@ def advance(rows: Any, deck: Deck, weights: Any, state: Any, first: int, steps: 
 
 @njit(nogil=True, cache=True)
 def deal(deck: Deck, picked: Any) -> None:
-    """Row numbers of a network's next minibatch into picked [20]: ten recorded rows, then ten simulated ones.
+    """Write the row numbers of a network's next minibatch into picked [20]: ten recorded rows, then ten simulated
+    ones.
 
     Both come from permutations: an epoch goes once through the simulated rows, the last minibatch filled up from the
     head of their permutation, while recorded rows are reshuffled as often as that takes. Without simulated rows an

@@ -115,7 +115,7 @@ NAMELESS: tuple[Nameless, ...] = (FreeDistance(), FreeSpeed(), FreeElevation(), 
 
 
 def find_nameless(name: str) -> Nameless:
-    """Return the unexplained effect of this name; KeyError where there is none."""
+    """Return the unexplained effect of this name; KeyError if there is none."""
     return {one.name: one for one in NAMELESS}[name]
 
 
@@ -259,10 +259,10 @@ class Catalogue:
         return next((term for term in (*self.terms, *NAMELESS) if term.name == name), None)
 
     def find(self, names: Iterable[str]) -> tuple[Term, ...]:
-        """Terms by name, in the catalogue's order, unexplained effects last.
+        """Return terms by name, in the catalogue's order, unexplained effects last.
 
         Raises:
-            InputError: names the first that there is none of.
+            InputError: names the first unknown one.
         """
         wanted = set(names)
         for name in sorted(wanted - {term.name for term in (*self.terms, *NAMELESS)}):
@@ -322,9 +322,9 @@ def arrival_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple
 
 def effective(params: Mapping[str, Mapping[str, Any]], circumstances: Circumstances,
               among: Catalogue | None = None) -> dict[str, dict[str, Any]]:
-    """{term: {parameter: value}}, complete, as the terms' hooks take them for shots under these circumstances.
+    """Return {term: {parameter: value}}, complete, as the terms' hooks take them for shots under these circumstances.
 
-    Numbers of a term that follows a circumstance become arrays like it; InputError names a term that there is none of.
+    Numbers of a term that follows a circumstance become arrays like it; InputError names an unknown term.
     """
     return {term.name: dict(term.at_shot(complete(term, params[term.name]), circumstances))
             for term in find_terms(params, among)}

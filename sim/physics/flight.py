@@ -105,7 +105,7 @@ def with_balls(rig: Rig, balls: Balls | None) -> Rig:
 
 
 def make_law(rig: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping[str, Any]]) -> Law:
-    """The sum of the terms' accelerations in m/s2 as a function of the ball's state.
+    """Return the sum of the terms' accelerations in m/s2 as a function of the ball's state.
 
     terms: in the catalogue's order. params: effective values (truearc.sim.physics.catalogue.effective). First the
     terms about the air make the ball as the air sees it; then each force in turn may be a share of those before it.
@@ -285,8 +285,8 @@ def _shape(params: Mapping[str, Mapping[str, Any]], exit: Exit, distance_m: Any)
 
 
 class Plane(NamedTuple):
-    """At the plane, arrays [n]: height, how fast the ball climbs per metre of x, whether it came there at all, how far
-    to the left it is, and how long it has flown, where that was asked for."""
+    """Arrival at the plane, arrays [n]: height, climb per metre of x, whether the ball reached it, lateral position to
+    the left, and time of flight if requested."""
 
     height_m: Any
     climb: Any

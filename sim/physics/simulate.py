@@ -49,7 +49,7 @@ def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Sh
 def trajectories(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
                  circumstances: Circumstances = ORDINARY, among: known.Catalogue | None = None
                  ) -> tuple[tuple[np.ndarray, float], ...]:
-    """Each shot's flight, flown as `predict` does with the rig's ball, and the distance to its plane in m.
+    """Return each shot's flight, flown as `predict` does with the rig's ball, and the distance to its plane in m.
 
     A flight is places [k, 3] in m in the launcher's frame (x toward the target, y left, z up; origin on the floor below
     the exit), POINT_S apart, from the exit to where it first meets the plane or the floor or turns back; it ends after

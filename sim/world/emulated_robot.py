@@ -324,7 +324,8 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
 
 
 def open_device_bus(name: str, config: Config, clock: Clock) -> tuple[CanBus | SlcanAdapter, str]:
-    """The devices' end of the bus called `name`, and what the robot is to open; InputError when there is none.
+    """Open the devices' end of the bus called `name`; also return what the robot must open. InputError if there is
+    none.
 
     slcan:auto is an adapter on a pseudo-terminal, or on a socket where the system has none; slcan:socket always that.
     """

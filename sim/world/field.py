@@ -102,7 +102,7 @@ class Chassis:
         self._pose = None
 
     def step(self, dt_s: float) -> None:
-        """Trapezoid in speed: never faster than what still stops at the goal."""
+        """Drive with a trapezoidal speed profile, never too fast to stop at the goal."""
         if not self.moving:
             return
         left_m = self._goal_m - self.distance_m

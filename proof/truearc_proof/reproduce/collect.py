@@ -264,7 +264,7 @@ def _seed(settings: Settings, group: int, number: int) -> int:
 
 def launch_simulated(config: Config, settings: Settings, real: Dataset, record: Record,
                      progress: Progress) -> tuple[Dataset, dict[str, dict[str, float]]]:
-    """Launch an even sample of the simulator's configurations, fitted as the first draw does; (labelled, simulator).
+    """Launch an even sample of the configurations of the first draw's simulator; return (labelled, simulator).
 
     InputError when fewer than `transfer` turn out legitimate.
     """

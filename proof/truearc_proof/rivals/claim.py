@@ -294,8 +294,10 @@ class Flights:
         return moved
 
     def filled(self, k: int) -> tuple[Array, Array]:
-        """Times [T] at even steps and positions [T, 3] of track k, lost frames by straight lines between their
-        neighbours: smoothers want even steps, and a line is off by a millimetre or two."""
+        """Return times [T] at even steps and positions [T, 3] of track k, with lost frames interpolated linearly.
+
+        Smoothers need even steps, and a line is off by a millimetre or two.
+        """
         time_s, position_m = self.time_s[k][self.real[k]], self.position_m[k][self.real[k]]
         step_s = float(np.median(np.diff(time_s)))
         even_s = step_s * np.arange(round(time_s[-1] / step_s) + 1)
@@ -309,8 +311,10 @@ class Flights:
 
 
 def gather_flights(dataset: Dataset) -> Flights:
-    """InputError for a launch that is half known; tracks that are too short, and samples far off any flight, are left
-    out."""
+    """Gather tracks, omitting those that are too short and samples far off any flight.
+
+    InputError for a launch that is only partly known.
+    """
     if dataset.tracks is None:
         raise ValueError("there are no tracks")
     samples = gather_samples(dataset.tracks)[0]
@@ -325,8 +329,8 @@ def gather_flights(dataset: Dataset) -> Flights:
 
 
 def end_errors(flights: Flights, names: tuple[str, ...], weights: Array) -> Array:
-    """[n] in m: measured height of each track's last sample less the forecast by gravity and columns `names` with
-    each track's own weights [n, K]."""
+    """Return [n] in m: measured height of each track's last sample minus the forecast by gravity and columns `names`
+    with each track's own weights [n, K]."""
     used = np.flatnonzero((weights != 0.0).any(axis=0))
     law = _Law(flights, tuple(names[k] for k in used), weights[:, used])
     count = flights.real.sum(1)

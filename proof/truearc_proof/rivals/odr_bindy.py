@@ -102,7 +102,8 @@ def claim_of(flights: laws.Flights, known: tuple[str, ...]) -> Claim:
 
 
 def linearise_at_best(flights: laws.Flights, names: tuple[str, ...], prior: Array, known: int) -> Linear:
-    """The cost about the most probable x and p, of all columns and then of those that the evidence chooses."""
+    """Linearise the cost about the most probable x and p, of all columns and then of those that the evidence
+    chooses."""
     films, sigma_m = film(flights), noise_of(flights)
     at, kept = State(films.smooth_m, np.zeros(len(names))), np.ones(len(names), dtype=bool)
     for _ in range(ROUNDS):
@@ -113,7 +114,7 @@ def linearise_at_best(flights: laws.Flights, names: tuple[str, ...], prior: Arra
 
 def settle(flights: laws.Flights, films: Films, sigma_m: Array, names: tuple[str, ...], prior: Array, at: State,
            kept: Array) -> tuple[State, Linear]:
-    """Gauss-Newton from a state, steps halved until the cost falls; to where a step gains less than CLOSE nats."""
+    """Run Gauss-Newton from a state, halving steps until the cost falls, to where a step gains less than CLOSE nats."""
     at, cost = at._replace(weights=at.weights * kept), np.inf
     for _ in range(TURNS):
         linear = linearise(flights, films, sigma_m, names, at)

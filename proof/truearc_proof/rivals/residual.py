@@ -75,15 +75,15 @@ def claim_by(dataset: Dataset, believed: RivalBelief, learn: Learn) -> Claim:
 
 
 def residuals_of(believed: RivalBelief) -> Array:
-    """[k, c] in m of the tracked shots' measured coordinates, height last, each by a believed fit that has not seen
-    it."""
+    """Return [k, c] in m of the tracked shots' measured coordinates, height last, each from a believed fit without that
+    shot."""
     null = believed.fitted.without_terms()
     errors = track_errors(null, null.scores.held_out_change())
     return errors[:, (errors != 0.0).any(axis=0)]
 
 
 def table_of(covariates: Sequence[Covariate], rows: Array) -> Array:
-    """[k, q] standardised, unknown = 0 (the mean)."""
+    """Return [k, q] standardised covariates, unknown = 0 (the mean)."""
     values = np.stack([covariate.values[rows] for covariate in covariates], axis=1)
     spread = np.nanstd(values, axis=0)
     table: Array = np.nan_to_num((values - np.nanmean(values, axis=0)) / np.where(spread > 0.0, spread, 1.0))
@@ -115,7 +115,7 @@ def names_of(covariates: Sequence[Covariate], leaning: Array) -> tuple[str, ...]
 
 
 def learn_process(covariates: Array, residuals: Array) -> Learnt:
-    """scikit-learn's Gaussian process: anisotropic RBF plus white noise.
+    """Train scikit-learn's Gaussian process: anisotropic RBF plus white noise.
 
     Hyperparameters by marginal likelihood, climbed from START (one kernel for the three coordinates, each
     standardised). It leans most on the covariate with the shortest length scale, all being standardised.
@@ -143,7 +143,7 @@ def answer_gp(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
 
 
 def learn_trees(seed: int, covariates: Array, residuals: Array) -> Learnt:
-    """scikit-learn's gradient-boosted trees, one set of them a coordinate; one thread, for worlds run side by side.
+    """Train scikit-learn's gradient-boosted trees, one set per coordinate; one thread, for worlds run side by side.
 
     Small trees and a slow rate, as many as an inner validation share finds useful. It leans most on the covariate whose
     shuffling worsens the squared error of what it says of its own shots most, the coordinates alike.
@@ -298,7 +298,8 @@ def _process(scaled: Array, smooth: Array) -> Array:
 
 
 def sample(log_density: Callable[[Array], float], start: Array, rng: np.random.Generator, steps: int = STEPS) -> Array:
-    """[steps after BURN / THIN, d] by Metropolis; until BURN the step follows the chain's covariance (Haario 2001)."""
+    """Return [steps after BURN / THIN, d] by Metropolis; until BURN the step follows the chain's covariance (Haario
+    2001)."""
     now, value, step = start, log_density(start), 0.1 * np.eye(len(start))
     burn = BURN * steps // STEPS
     chain: list[Array] = []

@@ -70,8 +70,11 @@ class Model(NamedTuple):
 
 
 def tune(rows: Rows) -> Tuning:
-    """By five-fold cross-validation over whole tracks: the ridge with the least error on held-out rows, and with it the
-    highest threshold whose error is within one standard error (over tracks) of the least."""
+    """Tune by five-fold cross-validation over whole tracks.
+
+    Returns the ridge with the least error on held-out rows, and with it the highest threshold whose error is within one
+    standard error (over tracks) of the least.
+    """
     grid = [Tuning(float(threshold), ridge) for ridge in RIDGES for threshold in THRESHOLDS]
     square = np.zeros((len(grid), int(rows.track.max()) + 1))
     for fold in range(FOLDS):
@@ -218,7 +221,7 @@ def ensemble_rows(flights: laws.Flights, known: tuple[str, ...]) -> Rows:
 
 
 def weak_rows(flights: laws.Flights, known: tuple[str, ...], seed: int) -> Rows:
-    """Integrals over every domain, of the measured components; tracks of the same times share their domains."""
+    """Return integrals over every domain of the measured components; tracks with the same times share their domains."""
     from pysindy import FiniteDifference
 
     libraries: dict[bytes, object] = {}
@@ -275,8 +278,11 @@ def _domains(time_s: Array, seed: int) -> Any:
 
 
 def integrate(library: Any, columns: Array) -> Array:
-    """[DOMAINS, k] integrals of columns [T, k] against the test functions: PySINDy's weights, without its transform,
-    which works out names and polynomials for every track again and takes a hundred times as long."""
+    """Return [DOMAINS, k] integrals of columns [T, k] against the test functions.
+
+    Uses PySINDy's weights without its transform, which recomputes names and polynomials for every track and takes a
+    hundred times as long.
+    """
     return np.stack([weight @ columns[inside[0]] for weight, inside in zip(library.fullweights0, library.inds_k,
                                                                            strict=True)])
 

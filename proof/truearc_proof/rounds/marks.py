@@ -111,8 +111,8 @@ def _draw(covariance: Array, rng: np.random.Generator) -> Array:
 
 
 def strength_of(evidence: ScoreTable, shift_m: Array) -> float | None:
-    """How plain an effect is that moves the heights at the plane by shift_m (one of each of the dataset's shots): the
-    chi-squared (lambda) by which the outcomes show it, fitted parameters projected out.
+    """Return the chi-squared (lambda) by which outcomes show an effect that moves the heights at the plane by shift_m
+    (one value per shot), with fitted parameters projected out.
 
     None where tracks or measured exits speak too, and where there are no outcomes: heights are not all there is then.
     """
@@ -145,8 +145,11 @@ class Measured(NamedTuple):
 
 
 def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0) -> Measured:
-    """Of worlds of the NumPy engine with one hidden effect; of those with none or more only what is believed, if
-    something was claimed; of others nothing is known."""
+    """Measure worlds of the NumPy engine with one hidden effect.
+
+    For those with none or more only what is believed is measured, if something was claimed; for others nothing is
+    known.
+    """
     single = len(drawn.effects) == 1
     if drawn.engine != NUMPY or not (single or claimed):
         return Measured()
@@ -347,8 +350,11 @@ class Mark(Struct, frozen=True):
 
 
 def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str, Any] | None = None) -> Mark:
-    """Against the sealed truth; `measured`: what the data themselves allow, as far as it was worked out; rivals:
-    {name: its claim (truearc_proof.rivals.claim)}."""
+    """Mark claims against the sealed truth.
+
+    `measured`: what the data themselves allow, as far as computed; rivals: {name: its claim
+    (truearc_proof.rivals.claim)}.
+    """
     names, found = names_ranked(finding)[:1], bool(finding["mismatch"]["found"])
     further = [one["what"][0]["term"] for one in finding.get("also") or () if one.get("set") and one["what"]]
     said = said_set(finding) if found else []

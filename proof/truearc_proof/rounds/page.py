@@ -115,7 +115,7 @@ def ladder_png(marks: Sequence[Mark]) -> bytes:
 
 
 def reliability_png(marks: Sequence[Mark]) -> bytes | None:
-    """Probabilities that were claimed against how often they were right, a panel a level; None where none is known.
+    """Draw claimed probabilities against how often they were right, one panel per level; None if none is known.
 
     Of the first name in worlds with something hidden, where the verdict is not unknown: right, or of its class; of an
     unexplained change: nothing hidden is in the catalogue.
@@ -154,7 +154,8 @@ def claimed_bins(pairs: Sequence[tuple[float, bool]]) -> list[tuple[float, int, 
 
 
 def chance_png(marks: Sequence[Mark]) -> bytes | None:
-    """Share of the nulls with a p-value up to p: the diagonal, if p-values mean what they say; None without nulls."""
+    """Draw the share of nulls with a p-value up to p, which is the diagonal if p-values are calibrated; None without
+    nulls."""
     p = np.sort([one.p_value for one in marks if one.kind in NULLS and one.p_value is not None])
     if not len(p):
         return None

@@ -74,8 +74,10 @@ PARAMETER: dict[str, tuple[str, Callable[[float], float]]] = {
 
 
 def names_at(kind: str, level: str, hopeless: bool = False) -> Iterator[str]:
-    """Names of "nulls", "effects" of the catalogue, or effects "off" it at a level; effects that its data cannot show
-    are left out unless `hopeless`."""
+    """Return names of "nulls", "effects" of the catalogue, or effects "off" it at a level.
+
+    Effects that its data cannot show are omitted unless `hopeless`.
+    """
     if kind == "nulls":
         yield from (name for name, dirt in DIRTS.items()
                     if level == "L2" or name == "all" or not any(one in truth.TRACK_DIRT for one in dirt))
@@ -244,7 +246,7 @@ class Drawn(Struct, frozen=True, forbid_unknown_fields=True):
 
 def draw_round(seed: int, worlds: int, level: str, shots: int, engines: tuple[str, ...] = (NUMPY, MUJOCO)
                ) -> tuple[Drawn, ...]:
-    """The worlds of a round, in the order in which they are released; the same arguments draw the same.
+    """Draw the worlds of a round, in order of release; the same arguments give the same worlds.
 
     InputError for an unknown level or engine.
     """
@@ -368,7 +370,8 @@ def lambdas(level: str) -> Mapping[str, float]:
 
 
 def drawn_of(world: Mapping[str, Any], path: Path) -> Drawn:
-    """The world of a seal, whatever else is noted of it; InputError, with the path, for what cannot be marked."""
+    """Return the world of a seal, ignoring further notes on it; InputError, with the path, for what cannot be
+    marked."""
     try:
         drawn = convert({name: world[name] for name in Drawn.__struct_fields__ if name in world}, Drawn)
     except ValidationError as error:
@@ -433,7 +436,8 @@ def home_of(worlds: tuple[Drawn, ...], seed: int) -> Drawn | None:
 
 
 def read_off(tool: str, effects: Mapping[str, float], seed: int) -> dict[str, dict[str, float]]:
-    """{term: {"value", "sd"}} by that tool, of a robot with these effects; the same seed reads the same."""
+    """Return {term: {"value", "sd"}} by that tool, for a robot with these effects; the same seed gives the same
+    readings."""
     rng = np.random.default_rng([seed, list(TOOLS).index(tool), 23])
     found = {}
     for term, sd in TOOLS[tool].items():

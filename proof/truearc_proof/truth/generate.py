@@ -225,7 +225,7 @@ class Asked(NamedTuple):
 
 
 def follow(world: World, asked: Sequence[Asked], number: int = 1) -> Dataset:
-    """More sessions of the same robot, with the same balls, at leisure: configurations one after another.
+    """Play more sessions of the same robot, with the same balls, at leisure: configurations one after another.
 
     The dataset has the new shots alone; their shot_ids, and the sessions' names, are none of the season's. number: of
     the follow-up; the same number shoots the same shots. ValueError when nothing is asked for.

@@ -146,7 +146,7 @@ class World:
 
 def make_world(effects: Mapping[str, float] | None = None, level: str = "L0", shots: int = 300, seed: int = 0,
                dirt: Sequence[str] = (), believe: Sequence[str] = BELIEVED, side: bool = False) -> World:
-    """A world of the paper's two-wheel rig, its coefficients drawn from `seed`.
+    """Make a world of the paper's two-wheel rig, with coefficients drawn from `seed`.
 
     effects: {name: amplitude in the unit of truearc_proof.truth.world}. Terms missing in `believe` are true all the
     same (that is a way of hiding drag, lift, or the loss of speed). InputError for an unknown level, effect or dirt.

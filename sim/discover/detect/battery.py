@@ -258,13 +258,14 @@ class ReferenceSession:
         return Covariate(((what.name, self.find(what)),))
 
     def index(self, name: str) -> int | None:
-        """Of the tested column; None where there is none."""
+        """Return the place of the tested column; None if there is none."""
         columns = self.fitted.scores.columns[:self.fitted.scores.first_shared]
         return next((k for k, column in enumerate(columns) if column.name == name), None)
 
     def beside(self, scores: Scores, evidence: ScoreTable, number: int, shapes: Sequence[WeightFunction],
                weights: Float[Array, "n q"]) -> Scores:
-        """The scores of `shapes` (`weights` [n, q]) on the evidence's column, less home's, whose signs follow."""
+        """Return the scores of `shapes` (`weights` [n, q]) on the evidence's column, minus home's, whose signs
+        follow."""
         mine = self.fitted.scores
         column = self.index(evidence.columns[number].name)
         rows = len(mine.rows) + len(mine.precision)

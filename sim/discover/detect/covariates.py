@@ -242,8 +242,8 @@ def group_shapes(factor: Factor, look: Look) -> list[WeightFunction]:
 
 
 def pair_shapes(covariates: Sequence[Covariate], look: Look, seed: int) -> list[WeightFunction]:
-    """Over the plane of every two covariates, centred: their product, and over some planes a random wave (random
-    Fourier features of a Gaussian kernel), so that whatever two of them do together leaves a trace."""
+    """Return centred shapes over the plane of every two covariates: their product and, over some planes, a random wave
+    (random Fourier features of a Gaussian kernel), so that any joint effect leaves a trace."""
     placed = [(one, _place_in(look.at(one))) for one in covariates if varies(look.at(one))]
     pairs = [_Plane(*first, *second) for first, second in itertools.combinations(placed, 2)]
     shapes = [pair.shape("product", look, _product) for pair in pairs]

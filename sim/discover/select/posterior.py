@@ -80,8 +80,8 @@ def _plane(plane: PlaneScores | None, own: Int[Array, " c"], times: Float[Array,
 
 
 def log_evidence(table: ScoreTable) -> tuple[float, Float[Array, " P"], Float[Array, " P"]]:
-    """(nats of a table whose columns are all shared, up to what all tables of one scaffold share; the likeliest
-    change [P]; its standard deviations [P])."""
+    """Return (log evidence in nats of a table whose columns are all shared, up to a constant of the scaffold; the
+    likeliest change [P]; its standard deviations [P])."""
     rows = np.ones(len(table.rows), dtype=bool)
     top = fit_linear(table, rows)
     change = np.tile(top, (len(rows), 1))
@@ -128,8 +128,10 @@ class Projected:
         return _gained(self.score, self.info, sd**2 * np.eye(len(self.score)))
 
     def nats_since(self, home: "Projected", sd: float) -> float:
-        """Log evidence that the coefficients have changed since an earlier session by this deviation; what they were
-        there, known by its scores and as large before these, may be here, too."""
+        """Return the log evidence of a change of the coefficients since an earlier session, by this deviation.
+
+        The coefficients there, known from its scores and as large a priori as in `nats`, may also be present here.
+        """
         covariance = np.linalg.inv(home.info + sd**-2.0 * np.eye(len(self.score)))
         left = self.score - self.info @ covariance @ home.score
         changed = covariance + sd**2 * np.eye(len(self.score))
@@ -169,8 +171,8 @@ LONGEST_S = 60.0                      # longer than any flight
 
 
 def term_of(column: Column, layout: Layout) -> tuple[str, dict[str, float]] | None:
-    """The nameless term, with its numbers, that changes what the column does; None where there is none, or where the
-    layout has it already."""
+    """Return the nameless term, with its numbers, that changes what the column does; None if there is none, or the
+    layout already has it."""
     if column.name in FREE_TERMS:
         name, values = FREE_TERMS[column.name]
         values = dict(values)
@@ -203,8 +205,8 @@ def climb_with(fitted: LauncherFit, term: str, values: dict[str, float], curve: 
 
 
 def nats_flown(fitted: LauncherFit, part: Part) -> float | None:
-    """Log evidence of a part against none, where the simulation that has it fits best (Laplace); None for what no
-    simulation of single shots can hold."""
+    """Return the log evidence of a part against none, at the best fit of a simulation with it (Laplace); None if no
+    simulation of single shots can represent it."""
     taken = term_of(fitted.scores.columns[part.column], fitted.model.layout)
     shapes = part.shapes.shape[1]
     if taken is None or shapes > KNOTS:
@@ -267,7 +269,10 @@ class Hypotheses:
         return self.share("unexplained") + self.share("both")
 
     def inclusion(self, beside: bool = False) -> dict[str, float]:
-        """Of each name among what is missing, with nothing unexplained or even `beside` that; likeliest first."""
+        """Return the probability of each name among what is missing, likeliest first.
+
+        Only hypotheses without an unexplained change count or, with `beside`, also those with one.
+        """
         found: dict[str, float] = {}
         for one, p in zip(self.hypotheses, self.probability, strict=True):
             for name in one.names if beside or kind_of(one) != "both" else ():
@@ -305,8 +310,8 @@ def kind_of(one: Hypothesis) -> str:
 
 def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covariate], factors: Sequence[Factor],
           home: ReferenceSession | None = None) -> Hypotheses:
-    """The posterior over what is missing in `fitted`, whose single terms `naming` has ranked; or over what has changed
-    since `home`, whose own misfit an unexplained change must exceed."""
+    """Compute the posterior over what is missing in `fitted`, whose single terms `naming` has ranked; or over what has
+    changed since `home`, whose own misfit an unexplained change must exceed."""
     visible = [c for c in naming.candidates if c.visible]
     singles = {name: nats + range_nats(fitted, naming, name) for name, nats in naming.nats.items()
                if nats > terms.NEVER}

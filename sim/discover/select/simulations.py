@@ -213,8 +213,8 @@ def points_of(seen: OutcomeObservations, mine: HoldOut, both: Sequence[HoldOut],
 
 
 def shares_beaten(seen: OutcomeObservations, mine: HoldOut) -> float | None:
-    """Standard errors by which outcomes' log score by the forecasts is above that by the plain shares of miss, two and
-    three; None where fewer than FEWEST outcomes are known without their height, or all are alike."""
+    """Return by how many standard errors the forecasts' log score of outcomes exceeds that of the observed proportions
+    of miss, two and three; None if fewer than FEWEST outcomes are known without their height, or all are equal."""
     known = np.isfinite(seen.classes) & ~seen.measured
     level, count = np.unique(seen.classes[known], return_counts=True)
     if known.sum() < FEWEST or len(level) < 2:
@@ -438,7 +438,7 @@ def _foreseeable(fitted: LauncherFit, correction: Correction, search: Search) ->
 
 
 def freed(fitted: LauncherFit, correction: Correction) -> Freed | None:
-    """None for what cannot be taken."""
+    """Return the curve; None for what cannot be adopted."""
     column = fitted.scores.columns[correction.test.column]
     taken, curve = term_of(column, fitted.model.layout), _curve(correction)
     if taken is None or curve is None:

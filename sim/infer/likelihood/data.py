@@ -248,7 +248,7 @@ class Intake:
 
 
 def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS) -> Intake:
-    """InputError when there are fewer than `fewest` shots, or outcomes without a target.
+    """Return the informative shots; InputError if there are fewer than `fewest`, or outcomes without a target.
 
     curves: of unexplained effects that are believed.
     """
@@ -299,7 +299,7 @@ def _whole_spin(shots: Shots) -> Float[Array, "n 3"]:
 
 
 def without_noise(rig: Rig) -> Rig:
-    """Without noise, tracker and beliefs, on which no flight depends: compiled code is kept by rig."""
+    """Return the rig without noise, tracker and beliefs, on which no flight depends: compiled code is kept by rig."""
     return msgspec.structs.replace(rig, noise=Noise(), tracker=msgspec.UNSET, site=msgspec.UNSET,
                                    believe=Believe())
 

@@ -171,8 +171,11 @@ def see_in_blocks(chain: Chain, lanes: ShotBatch, point: Float[np.ndarray, " slo
                   deviates: Float[np.ndarray, "n D"], edges_s: Float[np.ndarray, " edges"],
                   basis: Float[np.ndarray, "size k"],
                   see: Callable[..., Any] | None = None) -> tuple[Prediction, Prediction]:
-    """see_slopes of all lanes, as numpy arrays: BLOCK lanes and WIDTH slopes at a time, so that one compilation serves
-    all, and on all cores. see: in place of see_slopes."""
+    """Run see_slopes on all lanes and all cores, returning numpy arrays.
+
+    BLOCK lanes and WIDTH slopes are computed at a time, so that one compilation serves all. see: in place of
+    see_slopes.
+    """
     padded, n = pad_lanes(lanes)
     every = np.resize(deviates, (len(padded.distance_m), deviates.shape[1]))
     width = basis.shape[1]

@@ -202,7 +202,7 @@ def groups_of(shots: Shots, rows: Int[Array, " n"]) -> tuple[str, Int[Array, " n
 def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Array, " n"], int] | None = None,
             among: Catalogue | None = None, belief: Belief | None = None,
             later: Layout | None = None) -> Layout:
-    """Every column that the data could speak of; InputError for a believed term that there is none of.
+    """Lay out every column that the data could inform; InputError for an unknown believed term.
 
     among: the catalogue whose terms are tested, and which the believed ones are of;
     truearc.sim.physics.catalogue.catalogue() when not given. belief: of this very rig, from an earlier session;
@@ -482,15 +482,16 @@ def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> 
 
 
 def bent(layout: Layout, belief: Belief) -> Layout:
-    """The layout with the belief's unexplained effects, and the points of their curves among the shared columns."""
+    """Return the layout with the belief's unexplained effects, and the points of their curves among the shared
+    columns."""
     for name, curve in belief.curves.items():
         layout = with_curve(layout, name, belief.coefficients[name], curve)
     return layout
 
 
 def with_curve(layout: Layout, name: str, values: Mapping[str, float], curve: Curve) -> Layout:
-    """The layout with the nameless term `name`, its parameters fixed, and the curve's points in front of the shared
-    columns; they start where the curve has them."""
+    """Return the layout with the nameless term `name`, its parameters fixed, and the curve's points, at their present
+    values, before the shared columns."""
     chain, term = layout.chain, known_terms.find_nameless(name)
     whole = complete(term, values)
     old, first = len(chain.slots), layout.first_shared
@@ -550,7 +551,8 @@ def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:
 
 
 def lean_chain(layout: Layout, kept: list[int]) -> Chain:
-    """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
+    """Return the chain with the fewest terms in the air that these columns need, from two choices, so that compiled
+    code is shared."""
     chain = layout.chain
     airborne = {term.name for term in known_terms.flight_terms(chain.terms, chain.catalogue)}
     known = {column.term for column in layout.columns[layout.first_shared:]}

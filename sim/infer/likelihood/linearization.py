@@ -57,8 +57,8 @@ class Normal:
 
 def multiply_out(intake: Intake, seen: Prediction, slopes: Prediction,
                  deviates: Float[Array, "n D"]) -> tuple[Normal, Normal | None]:
-    """The normal equations of the exits seen [n] with their slopes (last axis k), about deviates [n, D], and those of
-    the tracks."""
+    """Return the normal equations of the exits seen [n] with their slopes (last axis k), about deviates [n, D], and
+    those of the tracks."""
     exits = _product(_exit_part(intake, seen, slopes), deviates)
     tracks = _track_part(intake, seen, slopes, deviates.shape[1])
     return exits, None if tracks is None else _product(tracks, deviates)
@@ -144,7 +144,8 @@ class Linearization:
     log_spread_by: Float[Array, "n inputs"]
 
     def change(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
-        """From the spot to other values, of the inputs; those of groups do not change. All is linear in it."""
+        """Return the change of the inputs from the spot to other values; group inputs do not change. Everything is
+        linear in it."""
         inputs = layout.inputs
         slots = inputs < len(values)
         slots[len(inputs) - _bases(layout):] = False

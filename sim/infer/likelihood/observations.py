@@ -56,8 +56,10 @@ class OutcomeObservations:
 
 
 def see_outcomes(shots: Shots, target: Target | None) -> tuple[Int[Array, " n"], OutcomeObservations]:
-    """(rows [n] with a usable outcome, side or height, the observations). A miss to the left or right has no
-    information on the height; the side low or high halves what an outcome leaves open, or stands for itself.
+    """Return (rows [n] with a usable outcome, side or height, the observations).
+
+    A miss to the left or right carries no information on the height; the side low or high halves what an outcome
+    allows, or is used alone.
 
     InputError when there are outcomes but no [target] in rig.toml.
     """
@@ -248,7 +250,7 @@ class Scatter:
 
 
 def samples_of(dataset: Dataset) -> tuple[Samples | None, Scatter | None, tuple[str, ...]]:
-    """(times at heights or tracks of a dataset, their noise, notes of what was left out); None without any."""
+    """Return (times at heights or tracks of a dataset, their noise, notes on excluded data); None without any."""
     if dataset.times is not None and len(dataset.times.t_s):
         return *gather_times(dataset.times), ()
     if dataset.tracks is None or len(dataset.tracks.t_s) == 0:
@@ -260,7 +262,7 @@ def samples_of(dataset: Dataset) -> tuple[Samples | None, Scatter | None, tuple[
 
 
 def gather_samples(tracks: Tracks) -> tuple[Samples, tuple[str, ...], int]:
-    """(padded tracks, notes on what was left out, number of gross outliers left out)."""
+    """Return (padded tracks, notes on excluded data, number of excluded gross outliers)."""
     kept, short, gross = [], 0, 0
     for shot, where in tracks.by_shot():
         data = np.stack([tracks.t_s[where], tracks.x_m[where], tracks.y_m[where], tracks.z_m[where]], axis=1)

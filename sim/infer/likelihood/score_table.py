@@ -48,7 +48,7 @@ class Column:
 
     @property
     def term(self) -> str:
-        """The name of its term, or its own if it is of none."""
+        """The name of its term, or its own name without one."""
         return self.name.partition(".")[0]
 
 
@@ -132,7 +132,7 @@ class GroupedColumns:
         return total
 
     def pick(self, kept: Int[Array, " k"]) -> tuple["GroupedColumns", Int[Array, " c"]]:
-        """(deal, which own columns) of these columns, those of all shots first; of groups all or none."""
+        """Return (deal, which own columns) for these columns, those of all shots first; of groups all or none."""
         real = kept[kept < self.real]
         effects = self.effects if len(kept) > len(real) else 0
         deal = GroupedColumns(len(real), effects, self.groups if effects else 0, self.label)
@@ -189,7 +189,8 @@ class ScoreTable:
 
     @property
     def together(self) -> Int[Array, " n"]:
-        """The cluster of each shot [n] whose shots are correlated when figures are compared: its group, or itself."""
+        """The cluster of each shot [n], within which shots are correlated when figures are compared: its group, or
+        itself."""
         return np.arange(len(self.rows)) if self.deal.groups <= 1 else self.deal.label
 
     def index(self, name: str) -> int:
