@@ -46,12 +46,13 @@ BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\.?\s*[)\]]\s*$")
 
 
 def unit_of(name: str) -> str:
-    """The unit in which a column is read, "" where there is none of another: of exit_speed_m_s not the s, but m_s."""
+    """Return the unit in which a column is read, "" if it has no other: for exit_speed_m_s not s, but m_s."""
     return max((unit for unit in CONVERTED if name.endswith("_" + unit)), key=len, default="")
 
 
 def factor_of(column: str, unit: str) -> tuple[float, float] | None:
-    """(how many of the column's unit are one of the other, its zero); None where it is not a unit of that column."""
+    """Return (number of the column's unit per unit of the other, zero offset); None if it is not a unit of that
+    column."""
     read, other = own_unit(column), UNITS.get(unit.strip().lower())
     if other is None:
         return None
@@ -64,12 +65,12 @@ def factor_of(column: str, unit: str) -> tuple[float, float] | None:
 
 
 def own_unit(column: str) -> str:
-    """The unit of a column of shots, "" for one without."""
+    """Return the unit of a column of shots, "" if it has none."""
     return "rad_s" if column == MOTOR or WHEEL.fullmatch(column) else unit_of(column)
 
 
 def unit_in(key: str) -> str:
-    """The unit that a key's name ends in, alone or in brackets, as UNITS has it; "" for none."""
+    """Return the unit at the end of a key's name, alone or in brackets, as in UNITS; "" for none."""
     last = BRACKETS.search(key)
     if last and last[1].lower() in UNITS:
         return UNITS[last[1].lower()]
@@ -91,10 +92,10 @@ MARKS = {**OUTCOMES, "miss": ("miss", ""), "hit": ("hit", ""), "low": ("miss", "
 
 
 class Signal(Struct, frozen=True, forbid_unknown_fields=True):
-    """A key of the log; what is read of it is `times` x its number + `plus`, then in the unit that it has.
+    """A key of the log; its value is `times` x its number + `plus`, in the stated unit.
 
-    unit: of the number after that; without it what the log states or the key ends in, else the column's own. alive, of
-    advice: a key that changes in each loop of the robot's program; while that does, this one may stand still.
+    unit: of the resulting number; by default what the log states, what the key ends in, or the column's own. alive, for
+    advice: a key that changes in each loop of the robot's program; while it does, this one may stay constant.
     """
 
     key: str
@@ -107,8 +108,8 @@ class Signal(Struct, frozen=True, forbid_unknown_fields=True):
 class Detection(Struct, frozen=True, forbid_unknown_fields=True):
     """How shots are found in a log of signals.
 
-    wheel: the signal whose dips are shots, one of the columns; without it the first wheel. set_point: of that speed.
-    feed: is above `feed_above` while balls are fed. least_dip: share of the speed that a ball takes at least.
+    wheel: the column of the signal whose dips are shots; by default the first wheel. set_point: of that speed. feed:
+    above `feed_above` while balls are fed. least_dip: the smallest share of the speed that a ball takes.
     """
 
     wheel: str = ""
@@ -119,9 +120,12 @@ class Detection(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class OutcomeKeys(Struct, frozen=True, forbid_unknown_fields=True):
-    """How outcomes are known: `key` takes one of `values`, or one of `buttons` is pressed, within `within_s` of the
-    shot. Words: miss, two, three, hit, miss-low, two-high, ...; "rejected" leaves the shot out. otherwise: the word of
-    shots that have no other; without it they are left out."""
+    """How outcomes are determined: `key` takes one of `values`, or one of `buttons` is pressed, within `within_s` of
+    the shot.
+
+    Words: miss, two, three, hit, miss-low, two-high, ...; "rejected" omits the shot. otherwise: the word for shots
+    without one; by default they are omitted.
+    """
 
     key: str = ""
     values: dict[str, str] = {}
@@ -138,7 +142,8 @@ class TimeColumn(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ShotMap(Struct, frozen=True, forbid_unknown_fields=True):
-    """rows: what a row of the file is: a time of a log, a shot, or a position of one ball (then a file is a shot)."""
+    """A map of shots. rows: what a row of the file is: a time of a log, a shot, or a position of one ball (one file per
+    shot)."""
 
     schema: Literal["truearc.shot-map/1"]
     rows: Literal["time", "shot", "position"] = "time"
@@ -150,12 +155,12 @@ class ShotMap(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def as_signal(said: str | Signal) -> Signal:
-    """A key alone is a signal, too."""
+    """Return a signal; a key alone is one, too."""
     return Signal(said) if isinstance(said, str) else said
 
 
 def plain(value: object) -> str:
-    """A value as maps compare it: true and false, numbers without zeros behind, texts in small letters."""
+    """Normalise a value for comparison: booleans, numbers without trailing zeros, lower-case text."""
     if isinstance(value, float):
         return f"{value:g}"
     return {"true": "1", "false": "0"}.get(str(value).strip().lower(), str(value).strip().lower())
@@ -170,7 +175,7 @@ def installed() -> dict[str, str]:
 
 
 def load_map(name_or_path: str | Path, is_column: Callable[[str], bool] = lambda name: True) -> ShotMap:
-    """Read a map by its path, or an installed one by its name; is_column: which columns shots may have.
+    """Read a map from its path, or an installed one by its name; is_column: which columns shots may have.
 
     Raises:
         InputError: names file and key of what is unknown, or the maps that there are.

@@ -58,7 +58,7 @@ def load_dataset(directory: str | Path) -> Dataset:
 
 def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
              traces: RawTable | None = None, times: RawTable | None = None, *, has_three: bool = True) -> Dataset:
-    """Check the cells of tables and return them as a dataset; everything wrong is added to `problems`.
+    """Check the cells of tables and return them as a dataset; all errors are added to `problems`.
 
     has_three: whether the rig's half-height of the three was stated; where it was not and shots are hits, every hit
     counts alike.
@@ -80,8 +80,7 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
 
 
 def hash_dataset(dataset: Dataset) -> str:
-    """SHA-256 of what a dataset says, whether it lay in CSV or Parquet; its name and its columns' order do not count.
-    """
+    """Return the SHA-256 of a dataset's content, in CSV or Parquet, regardless of its name and the order of columns."""
     digest = hashlib.sha256(msgspec.json.encode(dataset.facts, order="deterministic"))
     shots = dataset.shots
     _feed(digest, "shots", {"shot_id": shots.shot_id, **shots.numbers, **shots.texts})
@@ -267,9 +266,9 @@ def save_dataset(directory: str | Path, dataset: Dataset) -> None:
 
 
 def check_free(directory: str | Path) -> Path:
-    """The directory as a path, if a dataset can go there without touching anybody's files; else InputError.
+    """Return the directory as a path if a dataset can be saved there without touching existing files; else InputError.
 
-    Commands ask before long work what save_dataset would only find out after it.
+    Commands call it before long work, since save_dataset would raise the error only afterwards.
     """
     home = Path(directory)
     if home.exists() and (not home.is_dir() or any(home.iterdir())):
@@ -312,7 +311,7 @@ def load_rig(path: str | Path) -> Rig:
 
 
 def states_three(rig: Rig | str | Path | Mapping[str, Any]) -> bool:
-    """Whether a rig, a rig.toml or its contents give the half-height of the three."""
+    """Return whether a rig, a rig.toml or its contents give the half-height of the three."""
     if isinstance(rig, Rig):
         return True
     table = rig if isinstance(rig, Mapping) else parse_table(load_text(rig), str(rig))

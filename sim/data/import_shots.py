@@ -59,8 +59,10 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
 
 def guess(files: Sequence[str | Path], rig: Rig | str | Path, outcomes: Mapping[str, str] | None = None,
           progress: Progress = lambda done, note: None) -> Guess:
-    """Propose a map for logs, by the first, or for tables with a row per shot; InputError where nothing looks like a
-    speed, a distance or an angle."""
+    """Propose a map for logs, from the first one, or for tables with a row per shot.
+
+    InputError if nothing looks like a speed, a distance or an angle.
+    """
     paths, time = [Path(file) for file in files], TimeColumn()
     facts = rig if isinstance(rig, Rig) else load_rig(rig)
     source: Log | list[RawTable]
@@ -76,9 +78,9 @@ def guess(files: Sequence[str | Path], rig: Rig | str | Path, outcomes: Mapping[
 
 
 def only(dataset: Dataset, wanted: str) -> Dataset:
-    """Shots whose text is one of those wanted, as `ball_quality=new` or `version=a,b`.
+    """Select shots whose text is one of those wanted, as in `ball_quality=new` or `version=a,b`.
 
-    InputError where the column is not of text, or a text is in no shot.
+    InputError if the column is not text, or no shot has one of the texts.
     """
     name, equals, listed = wanted.partition("=")
     texts = dataset.shots.texts
@@ -94,10 +96,10 @@ def only(dataset: Dataset, wanted: str) -> Dataset:
 
 
 def doubts_of(dataset: Dataset) -> tuple[str, ...]:
-    """One line for each implausible thing: balls that left below the straight line to the opening's lower rim.
+    """Return one line for each implausible finding: balls that left below the straight line to the opening's lower rim.
 
-    A ball falls below the line that it leaves along, so one that went in left at the lower rim or above. Tested
-    of shots that are said to have passed the opening's plane at a known height.
+    A ball falls below the line along which it leaves, so one that went in left toward the lower rim or above. The test
+    covers shots recorded as passing the opening's plane at a known height.
     """
     target, shots = dataset.facts.target, dataset.shots
     if target is None:

@@ -18,9 +18,9 @@ TIME, KEY, VALUE = "Timestamp", "Key", "Value"          # header of AdvantageSco
 
 @dataclass(frozen=True)
 class Series:
-    """One signal: times [n] in s, not falling; values [n], numbers or texts; the unit that the log states, or "".
+    """One signal: times [n] in s, non-decreasing; values [n], numbers or texts; the unit that the log states, or "".
 
-    A boolean is 1 or 0. `each_row`: a value stands at every time of the log, whether it is new or not.
+    A boolean is 1 or 0. `each_row`: there is a value at every time of the log, whether it is new or not.
     """
 
     name: str
@@ -34,12 +34,12 @@ class Series:
         return isinstance(self.values, np.ndarray)
 
     def before(self, t_s: float) -> float | str | None:
-        """The newest value at that time or before; None where there is none yet."""
+        """Return the newest value at or before that time; None if there is none yet."""
         place = int(np.searchsorted(self.t_s, t_s, side="right")) - 1
         return None if place < 0 or self.values[place] == "" else self.values[place]
 
     def changes(self) -> "Series":
-        """Without samples that repeat the one before."""
+        """Return the series without samples that repeat the previous one."""
         if len(self.t_s) < 2:
             return self
         values = self.values if isinstance(self.values, np.ndarray) else np.array(self.values, dtype=object)
@@ -52,7 +52,7 @@ Signals = Mapping[str, Series]
 
 
 class Log(dict[str, Series]):
-    """The signals of a log by their names; `damage`: a line for each kind of damage to its file."""
+    """The signals of a log by name; `damage`: a line for each kind of damage to its file."""
 
     def __init__(self, signals: Signals, damage: tuple[str, ...] = ()) -> None:
         super().__init__(signals)
@@ -60,7 +60,8 @@ class Log(dict[str, Series]):
 
 
 def read_csv_log(path: Path, time: str, second: float) -> Log:
-    """Signals of a CSV file: AdvantageScope's list (Timestamp, Key, Value), or a table with a column a signal.
+    """Read the signals of a CSV file: AdvantageScope's list (Timestamp, Key, Value), or a table with a column per
+    signal.
 
     time: the column of time. second: how many of its units are one.
 
@@ -143,7 +144,8 @@ CLEAR = 0.5                           # share of that which a step has at least 
 
 @dataclass(frozen=True)
 class FoundShots:
-    """t_s [n]: just before each ball touches the wheels, or where the feeder starts; what else was seen."""
+    """Detected shots. t_s [n]: just before each ball touches the wheels, or when the feeder starts; and other
+    observations."""
 
     t_s: Floats
     odd: tuple[str, ...]
@@ -151,8 +153,11 @@ class FoundShots:
 
 def find_shots(wheel: Series, set_point: Series | None, feed: Series | None, feed_above: float,
                least_dip: float) -> FoundShots:
-    """Return the shots of one log. Without a signal of the feeder every dip is one; with one, every dip while it feeds;
-    feeding without a dip, and a dip without feeding, are listed as odd."""
+    """Return the shots of one log.
+
+    Without a feeder signal every dip is a shot; with one, every dip while it feeds. Feeding without a dip, and a dip
+    without feeding, are listed as odd.
+    """
     dips = find_dips(wheel, set_point, least_dip)
     if feed is None:
         return FoundShots(dips, ())
@@ -180,8 +185,8 @@ def _runs(feed: Series, above: float) -> tuple[Floats, Floats]:
 
 
 def silences(wheel: Series, others: Iterable[Series]) -> tuple[str, ...]:
-    """Lines on where a wheel that is at work before or after has no reading for longer than a fall lasts, nor other
-    signals; and where the log ends with it at work."""
+    """Return lines on where a wheel that runs before or after has no reading for longer than a dip lasts, nor do other
+    signals; and where the log ends while it runs."""
     if len(wheel.t_s) < 3:
         return ()
     speed = np.abs(np.asarray(wheel.values, dtype=float))
@@ -204,15 +209,15 @@ def silences(wheel: Series, others: Iterable[Series]) -> tuple[str, ...]:
 
 
 def spikes(values: Floats) -> np.ndarray:
-    """Mask [n] of single samples above both of their neighbours by half: no wheel does that."""
+    """Return a mask [n] of single samples above both neighbours by half: no wheel does that."""
     speed = np.abs(values)
     beside = np.maximum(np.concatenate([speed[1:], speed[-1:]]), np.concatenate([speed[:1], speed[:-1]]))
     return np.asarray((speed > SPIKE * beside) & (speed > STANDS * speed.max(initial=0.0)))
 
 
 def find_dips(wheel: Series, set_point: Series | None, least_dip: float) -> Floats:
-    """Times [n] of the last sample before each dip: a fast fall of the speed, below what is wanted of it where there
-    is a set point, and with a rise after it where there is none."""
+    """Return times [n] of the last sample before each dip: a fast fall of the speed, below the set point if there is
+    one, otherwise followed by a rise."""
     t_s, speed = wheel.t_s, np.abs(np.asarray(wheel.values, dtype=float))
     if len(t_s) < 3:
         return np.zeros(0)

@@ -1,4 +1,4 @@
-"""Tables of text cells, and typed columns read from them: names, units, ranges and words.
+"""Tables of text cells, and typed columns read from them: names, units, ranges and permitted words.
 
 Cells come from CSV and Parquet files, and each row keeps its origin; all errors are collected, so that one run reports
 them together. A column such as `distance_ft`, `hood_rad` or `wheel_main_rpm` is converted to the expected unit and
@@ -40,14 +40,14 @@ SHOWN = 20                            # problems a message lists before it only 
 
 
 class Problems(list[str]):
-    """Messages, each with its place."""
+    """Error messages, each with its place."""
 
     def add(self, place: str, column: str, what: str) -> None:
-        """place: file and line; column: name, or '' when it is the row."""
+        """Add a message. place: file and line; column: name, or '' for the whole row."""
         self.append(f"{place}: {column}: {what}" if column else f"{place}: {what}")
 
     def close(self) -> None:
-        """Raise InputError with the first problems and how many there are, if there are any."""
+        """Raise InputError with the first problems and their number, if there are any."""
         more = len(self) - SHOWN
         tail = [f"... and {more} more problems ({len(self)} in all)"] if more > 0 else []
         if self:
@@ -56,7 +56,7 @@ class Problems(list[str]):
 
 @contextmanager
 def gathered() -> Iterator[Problems]:
-    """Problems that are raised together at the end of the block."""
+    """Collect problems and raise them together at the end of the block."""
     problems = Problems()
     try:
         yield problems
@@ -80,23 +80,23 @@ class RawTable:
     written: dict[str, tuple[str, float, float]] = field(default_factory=dict)
 
     def shown(self, name: str, number: float) -> str:
-        """A number of a column as the file has it."""
+        """Return a number of a column as in the file."""
         _, factor, zero = self.written.get(name, ("", 1.0, 0.0))
         return f"{number / factor + zero:g}"
 
     def fault(self, problems: Problems, row: int, name: str, what: str) -> None:
-        """Add a problem of a cell, or of the header (row -1), with the column's name as the file has it."""
+        """Add a problem of a cell, or of the header (row -1), with the column's name as in the file."""
         problems.add(self.place(row), self.written.get(name, (name,))[0], what)
 
     def place(self, row: int) -> str:
-        """File and line as messages name them; row -1 is the header."""
+        """Return file and line as used in messages; row -1 is the header."""
         if self.in_memory or self.path.suffix == ".parquet":
             return f"{self.path}: row {self.lines[row]}" if row >= 0 else f"{self.path}"
         return f"{self.path}:{self.lines[row] if row >= 0 else 1}"
 
 
 def find_table(directory: Path, stem: str) -> Path | None:
-    """The CSV or Parquet file of that name, None when there is neither; InputError when there are both."""
+    """Return the CSV or Parquet file of that name, None if there is neither; InputError if there are both."""
     found = [path for path in (directory / f"{stem}.csv", directory / f"{stem}.parquet")
              if path.exists() or path.is_symlink()]
     for path in found:
@@ -113,8 +113,8 @@ def load_table(path: Path, problems: Problems) -> RawTable:
 
 
 def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
-    """Cells of CSV text with a header; empty cells are None. Blank lines, and empty columns behind the last that has a
-    name, are skipped."""
+    """Parse CSV text with a header; empty cells are None. Blank lines, and empty columns after the last named one, are
+    skipped."""
     rows = _rows(text, path, _separator(text, path))
     top, header = next(rows, (1, []))
     width = len(header)
@@ -185,7 +185,7 @@ def _rows(text: str, path: Path, mark: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def text_of(path: Path) -> str:
-    """A text file, or the first sheet of a workbook as CSV; InputError names it, and the line that is not UTF-8."""
+    """Read a text file, or the first sheet of a workbook as CSV; InputError names it and any line that is not UTF-8."""
     if path.suffix.lower() == XLSX:
         return _text_of_sheet(path)
     data = load_bytes(path)
@@ -253,7 +253,7 @@ def _load_parquet(path: Path) -> RawTable:
 
 
 def as_cell(value: object) -> Cell:
-    """Integers in text columns (an id, say) keep their digits: only real numbers become float."""
+    """Convert a cell: integers in text columns (an id, say) keep their digits; only real numbers become float."""
     if value is None or value == "":
         return None
     if isinstance(value, bool | int | float):
@@ -388,14 +388,14 @@ NEAR = 0.85                           # likeness of a column's name to one that 
 
 
 def parse_number(cell: Cell) -> float | None:
-    """The number that a cell holds, finite or not; None when it holds none."""
+    """Return the number in a cell, finite or not; None if there is none."""
     if not isinstance(cell, str):
         return None if cell is None else float(cell)
     return float(cell) if NUMBER.fullmatch(cell) or NOT_FINITE.fullmatch(cell) else None
 
 
 def is_numeric(name: str, cells: list[Cell]) -> bool:
-    """Whether a column of shots is one of numbers."""
+    """Return whether a column of shots is numeric."""
     if name in RANGES or WHEEL.fullmatch(name):
         return True
     if name in WORDS or name in TEXTS or name == "shot_id":
@@ -407,7 +407,7 @@ def is_numeric(name: str, cells: list[Cell]) -> bool:
 
 
 def need_columns(table: RawTable, names: Sequence[str]) -> None:
-    """InputError when columns are missing, naming the file and all of them."""
+    """Raise InputError if columns are missing, naming the file and all of them."""
     missing = [name for name in names if name not in table.columns]
     if missing:
         raise InputError(f"{table.place(-1)}: column{'s'[:len(missing) > 1]} {', '.join(missing)} "
@@ -415,8 +415,10 @@ def need_columns(table: RawTable, names: Sequence[str]) -> None:
 
 
 def number_column(table: RawTable, name: str, problems: Problems, needed: bool = True) -> Floats:
-    """A column of finite numbers [n], NaN for an empty cell; a problem is any other cell, a number out of range, and an
-    empty cell where one is needed."""
+    """Return a column of finite numbers [n], NaN for an empty cell.
+
+    A problem is any other cell, a number out of range, or an empty cell where one is required.
+    """
     low, high = RANGES.get(name, NO_RANGE)
     values = np.full(len(table.lines), np.nan)
     beyond: dict[int, float] = {}
@@ -457,8 +459,8 @@ def _beyond(table: RawTable, name: str, number: float) -> str:
 
 
 def text_column(table: RawTable, name: str, problems: Problems, needed: bool = True) -> tuple[str, ...]:
-    """A column of texts, "" for an empty cell; a problem is a word that the column does not take, and an empty cell
-    where one is needed."""
+    """Return a column of texts, "" for an empty cell; a problem is a word that is not permitted, or an empty cell where
+    one is required."""
     words = WORDS.get(name)
     values = tuple(map(cell_text, table.columns[name]))
     if name == "outcome":
@@ -479,20 +481,20 @@ def text_column(table: RawTable, name: str, problems: Problems, needed: bool = T
 
 
 def cell_text(cell: Cell) -> str:
-    """A cell as text, "" for an empty one."""
+    """Return a cell as text, "" for an empty one."""
     return "" if cell is None else str(cell)
 
 
 def is_shot_column(name: str) -> bool:
-    """Whether code reads a column of shots by this name."""
+    """Return whether code reads a column of shots by this name."""
     return name in (*RANGES, *WORDS, *TEXTS, *OTHERS) or WHEEL.fullmatch(name) is not None
 
 
 def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Problems) -> RawTable:
     """Return the table with columns renamed and converted; case and blanks in their names do not matter.
 
-    is_read: whether code reads a column of that name; others stay as they are. A problem is a column that stands for
-    one which is there too, or whose name is nearly that of one which is read and is not there.
+    is_read: whether code reads a column of that name; others stay as they are. A problem is a column that duplicates
+    one already present, or whose name is close to that of a column that is read and missing.
     """
     columns: dict[str, list[Cell]] = {}
     written = {}
@@ -522,9 +524,9 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
 
 
 def read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float, float]:
-    """The column that a name stands for, the factor of its numbers, and where they count from.
+    """Return the column that a name stands for, the factor of its numbers, and their zero.
 
-    The name itself, 1 and 0 where it is another column.
+    The name itself, 1 and 0 if it is another column.
     """
     plain = "_".join(name.lower().split())
     if is_read(plain):
