@@ -28,7 +28,7 @@ YOUNG_SHARE = 0.3                     # of the age limit: a speed by which the h
 
 def step_pid(gains: PidGains, memory: Pid, setpoint: float, measurement: float, feedforward: float,
              low: float, high: float, dt_s: float) -> tuple[float, Pid]:
-    """One step of `dt_s`; returns the output within [low, high] and the loop's next memory.
+    """Advance the loop by `dt_s`; return the output within [low, high] and the loop's next memory.
 
     The derivative acts on the measurement, so a stepped set point gives no kick. The integral term is kept in output
     units and stands still while the output is clamped in the direction of the error.
@@ -47,7 +47,7 @@ def step_pid(gains: PidGains, memory: Pid, setpoint: float, measurement: float, 
 
 def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memory: Memory, config: Config,
             watched: Watch) -> tuple[Command, Memory]:
-    """Torques for this tick. Disarmed, no axis is enabled."""
+    """Return the torques for this tick. While disarmed, no axis is enabled."""
     if not memory.armed:
         return RELEASED, replace(memory, flywheel=AT_REST, hood=AT_REST, feed_t_ns=0, motion=UNSET)
     wheels_on = watched.wheels.cause is None and not watched.is_idle
@@ -102,15 +102,16 @@ def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
 
 
 def home(inputs: Inputs, estimate: Estimate, watched: Watch, config: Config) -> float:
-    """Torque toward the limit switch, within the hood's speed limit; with an encoder, not far beyond the switch."""
+    """Return the torque toward the limit switch, within the hood's speed limit; with an encoder, not far beyond the
+    switch."""
     left_deg = math.inf if estimate.hood_deg is None else estimate.hood_deg - config.hood.low_deg + SWITCH_DEG
     return slow_down(config.hood.homing_torque_nm, inputs, estimate, watched, config, left_deg)
 
 
 def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, watched: Watch, config: Config,
               left_deg: float) -> float:
-    """A hood torque that keeps to `[hood] max_deg_s`, and to less near a soft limit, beyond which it is 0, or on
-    readings that grow old.
+    """Return a hood torque that respects `[hood] max_deg_s`, and less near a soft limit, beyond which it is 0, or on
+    old readings.
 
     What the torque has beyond friction fades linearly to nothing at the limit, and brakes beyond it: the speed then
     settles like a first-order lag. The faster of screw and encoder counts; only a young speed of the screw is braked.

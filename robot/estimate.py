@@ -23,7 +23,7 @@ JUMP_RAD, JUMP_SHARE = 1.0, 1.5
 
 
 def remember(inputs: Inputs, memory: Memory, config: Config) -> Memory:
-    """Carry over the newest sighting with a target in it, and the screw's zero when the limit switch closes."""
+    """Carry over the newest sighting of the target, and the screw's zero when the limit switch closes."""
     seen = inputs.sighting
     if seen is not None and seen.found:
         memory = replace(memory, last_sighting=replace(seen, corners_px=()),
@@ -111,15 +111,15 @@ def _encoder_deg(inputs: Inputs, memory: Memory, config: Config) -> float | None
 
 
 def is_fresh(inputs: Inputs, t_ns: int, config: Config) -> bool:
-    """Whether a reading stamped `t_ns` is young enough to act on; one never heard (0) is not."""
+    """Return whether a reading stamped `t_ns` is recent enough to act on; one never received (0) is not."""
     return t_ns > 0 and 0 <= (inputs.t_ns - t_ns) * NS <= config.gate.reading_age_s
 
 
 def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
-    """The launcher's state; None where it cannot be known.
+    """Return the launcher's state; None where it cannot be known.
 
-    Where `aim.policy` is "belief", the distance is that of this tick: the newest sighting's, filtered, and what the
-    robot has driven since.
+    If `aim.policy` is "belief", the distance is that of this tick: the newest sighting's, filtered, plus the robot's
+    motion since.
     """
     speeds = [motor.velocity_rad_s for motor in inputs.flywheels]
     mean = sum(speeds) / len(speeds)
@@ -183,7 +183,7 @@ Doubts = tuple[list[Reason], list[Reason], list[Reason]]        # of the wheels,
 
 
 def doubt_axes(inputs: Inputs, config: Config) -> Doubts:
-    """Reasons from missing, stale or faulty readings of the motors and the hood's encoder, by axis."""
+    """Return reasons from missing, stale or faulty readings of the motors and the hood's encoder, by axis."""
     t_ns, gate, axes = inputs.t_ns, config.gate, config.axes
     found: list[Reason] = []
     for number, (axis, motor) in enumerate(zip(axes.flywheels, inputs.flywheels, strict=True), 1):
@@ -196,7 +196,7 @@ def doubt_axes(inputs: Inputs, config: Config) -> Doubts:
 
 
 def doubted_readings(inputs: Inputs, config: Config) -> list[Reason]:
-    """The same in one list."""
+    """Return the same reasons in one list."""
     wheels, hood, feeder = doubt_axes(inputs, config)
     return [*wheels, *hood, *feeder]
 

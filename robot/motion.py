@@ -81,12 +81,12 @@ class Watch(NamedTuple):
     deg_per_rad: float = 0.0          # elevation by the hood motor's angle where the hood is; 0: not worked out
 
     def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> MotionMemory:
-        """For the next tick, with the torques that this one has decided on."""
+        """Return the memory for the next tick, with the torques decided in this one."""
         return MotionMemory(self.armed_t_ns, self.active_t_ns, self.is_idle, self.wheels, self.hood,
                             flywheel_torque_nm, hood_torque_nm)
 
     def reasons(self) -> list[Reason]:
-        """Why axes are released, for the verdict."""
+        """Return why axes are released, for the verdict."""
         wheels, hood = self.wheels, self.hood
         if wheels.cause is None and hood.cause is None and not self.is_short and not self.is_idle:
             return []
@@ -98,7 +98,8 @@ class Watch(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """Set points of this tick: of the wheels at the motor, 0 for none; of the hood, None while something else moves it.
+    """Set points of this tick: the motor speed of the wheels, 0 for none; the hood's, None while something else moves
+    it.
 
     `hood_top_rad_s`: highest speed of the hood motor; None for that of `[hood] max_deg_s`.
     """
@@ -110,7 +111,7 @@ class Wanted(NamedTuple):
 
 def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, config: Config,
           doubts: Doubts) -> Watch:
-    """Bring the interlocks up to date with this tick's readings; `doubts` are theirs."""
+    """Update the interlocks with this tick's readings; `doubts` are the doubts about them."""
     if not memory.armed:
         return Watch(FREE, FREE, doubts)
     t_ns = inputs.t_ns
@@ -488,7 +489,7 @@ def _switch_doubt(inputs: Inputs) -> Reason | None:
 
 
 def here_deg(estimate: Estimate, hood: Hood) -> float:
-    """The hood's elevation as far as it is known, within its travel; where it is not, its lower end."""
+    """Return the hood's elevation within its travel; if it is unknown, the lower end."""
     known = estimate.hood_deg if estimate.hood_deg is not None else estimate.hood_screw_deg
     return hood.low_deg if known is None else min(max(known, hood.low_deg), hood.high_deg)
 

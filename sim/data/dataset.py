@@ -18,9 +18,9 @@ Table = TypeVar("Table", bound="ShotSamples")
 
 @dataclass(frozen=True)
 class Shots:
-    """Shots in columns. `numbers`: float64 [n], nan = missing. `texts`: one string a shot, "" = missing.
+    """Shots in columns. `numbers`: float64 [n], nan = missing. `texts`: one string per shot, "" = missing.
 
-    `source`: the file they were read from, for messages about them; `written`: column -> its name there, if another.
+    `source`: the file they were read from, for messages; `written`: column -> its name in the file, if different.
     """
 
     shot_id: tuple[str, ...]
@@ -31,7 +31,7 @@ class Shots:
 
     @classmethod
     def of_settings(cls, distance_m: Floats, hood_deg: Floats, motor_ratio: Floats) -> "Shots":
-        """Shots of configurations [n] alone, numbered from 0."""
+        """Return shots of configurations [n] alone, numbered from 0."""
         return cls(tuple(map(str, range(len(distance_m)))),
                    {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
 
@@ -40,20 +40,20 @@ class Shots:
 
     @property
     def timed(self) -> bool:
-        """Whether every shot has a time, and not all the same; otherwise the order of the shots is unknown."""
+        """Whether every shot has a time, and the times differ; otherwise the order of the shots is unknown."""
         t_s = self.number("t_s")
         return len(t_s) > 0 and bool(np.isfinite(t_s).all() and np.ptp(t_s) > 0.0)
 
     def number(self, name: str) -> Floats:
-        """A numeric column; all nan when the dataset has none of that name."""
+        """Return a numeric column; all nan if the dataset has none of that name."""
         return self.numbers[name] if name in self.numbers else np.full(len(self), np.nan)
 
     def text(self, name: str) -> tuple[str, ...]:
-        """A text column; all "" when the dataset has none of that name."""
+        """Return a text column; all "" if the dataset has none of that name."""
         return self.texts[name] if name in self.texts else ("",) * len(self)
 
     def take(self, index: Any) -> "Shots":
-        """The shots at integer positions or under a boolean mask, in that order."""
+        """Return the shots at integer positions or under a boolean mask, in that order."""
         rows = np.arange(len(self))[np.asarray(index)]
         return Shots(tuple(self.shot_id[row] for row in rows),
                      {name: column[rows] for name, column in self.numbers.items()},
@@ -63,19 +63,19 @@ class Shots:
 
 @dataclass(frozen=True)
 class ShotSamples:
-    """Measurements made through shots. `shot`: row in Shots; all columns [m]."""
+    """Measurements made during shots. `shot`: row in Shots; all columns [m]."""
 
     shot: npt.NDArray[np.int64]
     t_s: Floats
 
     def by_shot(self) -> list[tuple[int, npt.NDArray[np.int64]]]:
-        """(shot, its rows in their order) of each shot that has samples, ascending."""
+        """Yield (shot, its rows in order) of each shot that has samples, ascending."""
         order = np.argsort(self.shot, kind="stable")
         shots, starts = np.unique(self.shot[order], return_index=True)
         return list(zip(shots.tolist(), np.split(order, starts[1:]), strict=True))
 
     def moved(self, place: npt.NDArray[np.int64]) -> Self:
-        """The samples by shot, of shots that have a place (0 or more), which is their new row."""
+        """Return the samples by shot for shots with a place (0 or more), which is their new row."""
         kept = np.flatnonzero(place[self.shot] >= 0)
         rows = kept[np.argsort(place[self.shot[kept]], kind="stable")]
         columns: dict[str, Any] = {name: tuple(column[row] for row in rows) if isinstance(column, tuple) else
@@ -94,7 +94,7 @@ class Tracks(ShotSamples):
 
 @dataclass(frozen=True)
 class Times(ShotSamples):
-    """When the ball came by a height, in s after its release, with the standard deviation of that time."""
+    """When the ball passed a height, in s after its release, with the standard deviation of that time."""
 
     height_m: Floats
     sigma_s: Floats
@@ -102,14 +102,14 @@ class Times(ShotSamples):
 
 @dataclass(frozen=True)
 class Traces(ShotSamples):
-    """Telemetry through shots; `t_s` = 0 when the ball is fed."""
+    """Telemetry during shots; `t_s` = 0 when the ball is fed."""
 
     signal: tuple[str, ...]
     value: Floats
 
     @classmethod
     def of(cls, rows: Sequence[tuple[int, float, str, float]]) -> "Traces | None":
-        """Traces of samples (shot, t_s, signal, value); None of no sample."""
+        """Return traces of samples (shot, t_s, signal, value); None if there are none."""
         if not rows:
             return None
         shot, t_s, signal, value = zip(*rows, strict=True)
@@ -306,7 +306,7 @@ def _flat(dataset: Dataset) -> Iterator[str]:
 
 
 def join_datasets(first: Dataset, second: Dataset) -> Dataset:
-    """The shots of both, the first's before the second's; name, rig and what was left out are the first's.
+    """Join two datasets, the first's shots before the second's; name, rig and excluded data are the first's.
 
     A column that only one of them has is missing in the other's shots. ValueError when a shot_id is in both.
     """
@@ -342,7 +342,7 @@ LEAST_CHANGE_DEG = 1e-6               # of the hood; less does not count as a mo
 
 
 class Circumstances(NamedTuple):
-    """Conditions that a term may follow: arrays [n], or numbers; by default those of an ordinary shot.
+    """Conditions that a term may depend on: arrays [n], or numbers; by default those of an ordinary shot.
 
     circumstances_of gathers them from a dataset.
     """
@@ -376,14 +376,14 @@ ORDINARY = Circumstances()
 
 
 class Known(NamedTuple):
-    """One circumstance [n], and of which shots the data really say it."""
+    """One circumstance [n], and for which shots the data contain it."""
 
     value: np.ndarray
     said: np.ndarray
 
 
 def circumstances_of(dataset: Dataset) -> Circumstances:
-    """Circumstances of every shot of a dataset, arrays [n]; ordinary ones where the data lack them.
+    """Return the circumstances of every shot of a dataset, arrays [n]; ordinary ones where the data lack them.
 
     battery, density: against the median of the shots that have it. since_last_shot_s: its own column, else differences
     of t_s within the session; the first shot of a session was long after another. age: with ball_id the shots that the
@@ -398,7 +398,7 @@ def circumstances_of(dataset: Dataset) -> Circumstances:
 
 
 def gather_circumstances(dataset: Dataset) -> dict[str, Known]:
-    """{field of Circumstances: its values, and of which shots the data say it}."""
+    """Return {field of Circumstances: its values, and for which shots the data contain it}."""
     shots = dataset.shots
     found = {"battery": _departure(shots.number("battery_v")), "since_last_shot_s": _since(shots), "age": _age(shots),
              "droop": _droop(dataset.traces, len(shots)), "density": _density(shots),
@@ -444,7 +444,7 @@ def _since(shots: Shots) -> np.ndarray:
 
 
 def counts_shots(shots: Shots) -> bool:
-    """Whether `age` counts what each ball has gone through: all balls are known, and when each was shot."""
+    """Return whether `age` counts the shots of each ball: all balls are known, and when each was shot."""
     return shots.timed and all(shots.text("ball_id"))
 
 

@@ -31,8 +31,9 @@ SMOOTH = 1.0                          # shots of each outcome added to the share
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Means over shots with an outcome: log score (natural logarithm of the probability given to what happened) and
-    accuracy, by the fit and by the plain shares of outcomes; gain_se is of their paired difference, by groups."""
+    """Means over shots with an outcome: log score (natural logarithm of the probability given to the outcome) and
+    accuracy, of the fit and of the observed proportions of outcomes; gain_se is of their paired difference, by
+    groups."""
 
     shots: int
     groups: int
@@ -44,10 +45,10 @@ class CrossValidation:
 
 
 def cross_validate(fit: MapFit, progress: Progress = lambda done, note: None) -> CrossValidation | None:
-    """Five folds of whole groups; None where fewer than two groups have an outcome.
+    """Cross-validate with five folds of whole groups; None if fewer than two groups have an outcome.
 
-    A group is a session where there are at least five, else a configuration. Predictions are from the configuration
-    alone: neither the exit nor the track of a predicted shot is used.
+    Groups are sessions if there are at least five, else configurations. Predictions use the configuration alone:
+    neither the exit nor the track of a predicted shot is used.
     """
     plane = fit.scores.plane
     if plane is None or fit.dataset.facts.target is None:
@@ -103,7 +104,7 @@ NEAREST = 15                          # shots whose median stands for "at this d
 
 
 def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossValidation | None) -> list[str]:
-    """The report, line by line; of a fit that did not converge only what was used."""
+    """Return the report, line by line; for a fit that did not converge, only what was used."""
     lines = list(say_evidence(fit))
     if not fit.converged:
         return lines
@@ -117,7 +118,7 @@ def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossV
 
 
 def say_evidence(fit: MapFit) -> Iterable[str]:
-    """Evidence that was used, and shots that were left out."""
+    """Report the evidence used, and excluded shots."""
     intake = fit.fitted.model.data
     used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in intake.used.items())
     yield f"fitted to {len(intake.rows)} of {len(fit.dataset.shots)} shots: {used}"
@@ -151,7 +152,7 @@ def _error_text(one: NumberChange, among: Catalogue) -> str:
 
 def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought],
                   odd: Mapping[str, str]) -> Iterable[str]:
-    """A line for each parameter: value, 90 % interval, unit, meaning, and what stopped the interval beside the data;
+    """Return a line per parameter: value, 90 % interval, unit, meaning, and what besides the data bounded the interval;
     then the remarks on numbers at odd places."""
     yield "parameter                  value    90 % interval         meaning"
     fitted = {one.name: one for one in sought}
@@ -172,7 +173,7 @@ def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]
 
 
 def number_text(value: float) -> str:
-    """Three digits."""
+    """Format a number with three digits."""
     return f"{value:.3g}" if abs(value) < 1000.0 else f"{value:.0f}"
 
 
@@ -184,7 +185,7 @@ def _open_ends(one: ProfileInterval) -> str:
 
 
 def say_scatter(fit: MapFit) -> Iterable[str]:
-    """Scatter of the height at the target."""
+    """Report the scatter of the height at the target."""
     shots = fit.dataset.shots.take(fit.scores.rows)
     shots = shots.take(np.isfinite(shots.number("distance_m")) & fit.fitted.model.data.lanes.rolled)
     if not len(shots):
@@ -199,7 +200,7 @@ def say_scatter(fit: MapFit) -> Iterable[str]:
 
 
 def say_identified(fit: MapFit) -> Iterable[str]:
-    """What these shots cannot tell apart, or on their own not at all."""
+    """Report what these shots cannot separate, or cannot determine alone."""
     names, share = fit.names, dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
     own = np.array([one.sd * one.slope(float(fit.scores.point[one.column])) for one in fit.sought])     # units
     covariance = fit.covariance * np.outer(own, own)
@@ -223,7 +224,7 @@ def say_identified(fit: MapFit) -> Iterable[str]:
 
 
 def say_prediction(score: CrossValidation | None) -> Iterable[str]:
-    """How well outcomes are predicted that the fit did not see."""
+    """Report how well hold-out outcomes are predicted."""
     if score is None:
         return
     gain = score.log_score - score.share_log_score

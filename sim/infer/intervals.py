@@ -83,7 +83,7 @@ MOST_TOGETHER = 3                     # errors of which one is there; chosen: a 
 
 @dataclass(frozen=True)
 class NumberChange:
-    """Column, with the probability that it changed, and the change [its unit] if it did."""
+    """A column, the probability that it changed, and the change [its unit] if it did."""
 
     name: str
     unit: str
@@ -149,7 +149,7 @@ class _Held(NamedTuple):
 
 
 class Profile:
-    """Of one parameter, as a function of how far its column is from the optimum."""
+    """The profile of one parameter, as a function of the distance of its column from the optimum."""
 
     def __init__(self, fit: MapFit, one: Sought) -> None:
         self.fit, self.one = fit, one
@@ -167,14 +167,14 @@ class Profile:
         self.middle, self.ground = best, self.at(best)
 
     def at(self, step: float) -> _Held:
-        """With flights linear about the optimum."""
+        """Return the profile with flights linear about the optimum."""
         evidence = self.fit.scores
         change = fit_linear(evidence, self.train, self.ridge * step, self.free)
         info = evidence.deal.total(evidence.slopes_at(np.tile(change, (len(self.train), 1)))[1])
         return self._held(-log_posterior(evidence, change, self.train), info, change)
 
     def flown(self, change: Float[np.ndarray, " P"]) -> _Held:
-        """With flights from there, the others at their best again."""
+        """Return the profile with new flights, the other parameters reoptimised."""
         model, point = self.fit.fitted.model, self.fit.fitted.point
         scatters = [column for column in model.layout.scatters if column >= 0]
         parts = int(np.ceil(np.abs(change[scatters]).max(initial=1.0)))
@@ -194,7 +194,7 @@ class Profile:
         return float(np.sqrt(2.0 * max(held.cost - self.ground.cost, 0.0)))
 
     def end(self, sign: float) -> tuple[float, bool, bool]:
-        """(step of the end on one side, closed by data, closed)."""
+        """Return (step of the end on one side, closed by data, closed)."""
         limit = self.limits[sign > 0.0]
         most = sign * min(abs(limit), WIDEST * self.one.sd)
         inside, step = self.middle, self.middle + sign * Z90 * self.se
@@ -217,8 +217,11 @@ class Profile:
 
 
 def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
-    """The profile interval of one fitted parameter; with tracks, which make it normal, by the information, or by how
-    shots differ where they contradict each other."""
+    """Return the profile interval of one fitted parameter.
+
+    With tracks, which make it normal, the interval uses Fisher information, or the sandwich variance if shots
+    contradict each other.
+    """
     one = fit.sought[fit.names.index(name)]
     point = float(fit.scores.point[one.column])
     if fit.fitted.model.data.filmed:
@@ -237,7 +240,8 @@ def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
 
 
 def deviations(fit: MapFit, column: int) -> tuple[float, float]:
-    """Standard deviations of a column: by the information, and by how scores differ between shots, or between balls."""
+    """Return standard deviations of a column: from the information, and from the scores' spread over shots, or over
+    balls."""
     evidence = fit.scores
     covariance = evidence.covariance
     together = fit.scores.together
@@ -253,11 +257,11 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Said:
-    """What shots of several members say of numbers [k] on their scales, as normal densities without a prior.
+    """What the shots of several members say about numbers [k] on their scales, as normal densities without a prior.
 
-    information [m, k, k] and onto [m, k], which is information times the most likely numbers; a member that has no such
-    number has zeros there. centre, sd [k]: the prior of what they have in common. spread [k]: standard deviation of
-    the half-normal prior of tau.
+    information [m, k, k] and onto [m, k], which is information times the most likely numbers; zeros for a member
+    without such a number. centre, sd [k]: the prior of the common values. spread [k]: standard deviation of the
+    half-normal prior of tau.
     """
 
     information: Float[Array, "m k k"]
@@ -283,12 +287,12 @@ class Pooling:
 
     @property
     def common(self) -> tuple[Float[Array, " k"], Float[Array, "k k"]]:
-        """(mean, covariance) of what the members have in common."""
+        """Return (mean, covariance) of the common values."""
         return self.mean.mean(0), self.covariance.mean(0) + np.cov(self.mean.T).reshape(self.covariance.shape[1:])
 
     @property
     def next_one(self) -> Float[Array, "k k"]:
-        """The covariance of the numbers of a member that was not there."""
+        """Return the covariance of the numbers of a new member."""
         return self.common[1] + np.diag((self.tau**2).mean(0))
 
 
@@ -339,7 +343,7 @@ def _own(said: Said, tau: Float[Array, "d k"], mean: Float[Array, "d k"],
 
 
 def said_by(fits: Sequence[MapFit]) -> tuple[tuple[str, ...], Said]:
-    """(names, what each fit's shots say); InputError where the fits are of different terms or have no number."""
+    """Return (names, what each fit's shots say); InputError if the fits are of different terms or have no number."""
     for fit in fits[1:]:
         if set(fit.terms) != set(fits[0].terms):
             raise InputError(f"{fit.dataset.name} is fitted with {', '.join(fit.terms)}, {fits[0].dataset.name} with "
@@ -365,7 +369,7 @@ def said_by(fits: Sequence[MapFit]) -> tuple[tuple[str, ...], Said]:
 
 
 def one_rig(fits: Sequence[MapFit]) -> bool:
-    """Whether ball and wheels of all are the same."""
+    """Return whether all have the same ball and wheels."""
     return all(launcher_of(fit.dataset.rig) == launcher_of(fits[0].dataset.rig) for fit in fits)
 
 

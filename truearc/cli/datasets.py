@@ -196,10 +196,21 @@ def import_shots_options(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--map", metavar="MAP", help="of any team's files: which keys say what: a shots.toml, or an "
                      "installed map, such as ftc-csv, tracker, kinovea")
     how.add_argument("--guess", action="store_true", help="propose that map from the names, units and numbers in the "
-                     f"first file, write it to DIR/{MAP}, and import by it; a CSV without a column Timestamp has a row "
-                     "per shot")
+                     f"first file, write it to DIR/{MAP}, and import by it; rows of a table that are less than 0.5 s "
+                     "apart are a log's, others a shot each")
+    parser.add_argument("--outcomes", type=outcome_words, metavar="WORD=MEANING,...", help="with --guess: what "
+                        "words of outcomes mean whose meaning is not certain, such as in=three,rim=two,short=miss-low; "
+                        "rejected leaves shots out")
     parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="of any team's files: ball, wheels and target "
                         "(truearc init DIR makes one to fill in)")
+
+
+def outcome_words(text: str) -> dict[str, str]:
+    """Return the `type=` of --outcomes: {word of the data: word of a map}."""
+    pairs = [pair.rpartition("=") for pair in text.split(",")]
+    if not all(word.strip() for word, _, _ in pairs):
+        raise argparse.ArgumentTypeError(f"got {text!r}; expected WORD=MEANING,..., such as in=three,rim=two")
+    return {word.strip(): meaning.strip() for word, _, meaning in pairs}
 
 
 def import_shots(args: argparse.Namespace) -> int:
@@ -245,15 +256,18 @@ def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
         return load(shot_map=args.map), ""
     if not args.guess:
         raise ta.InputError(f"{args.source}: --map MAP is needed, or --guess, which proposes one")
-    guessed = guess(args.files, ta.load_rig(args.rig), common.make_progress("guess", args.quiet))
+    guessed = guess(args.files, args.rig, args.outcomes, common.make_progress("guess", args.quiet))
     print(f"guessed from the names, units and numbers of {args.files[0]}; make sure of it:")
     for line in guessed.lines:
         print(f"  {line}")
+    again = ["truearc", "import", args.source, *args.files, "--rig", str(args.rig), "-o", str(args.out)]
+    if guessed.asked:
+        proposed = ",".join(f"{text}={word}" for text, word in guessed.proposed.items())
+        raise ta.InputError(f"{guessed.asked}. Correct it in the command and run: "
+                            f"{shlex.join([*again, '--guess', '--outcomes', proposed])}")
     try:
         return load(shot_map=guessed.map), guessed.to_toml()
     except ta.InputError as error:
         print(f"\nthe map, to save as {MAP} and correct:\n\n{guessed.to_toml()}")
-        again = shlex.join(["truearc", "import", args.source, *args.files, "--map", MAP, "--rig", str(args.rig),
-                            "-o", str(args.out)])
         raise ta.InputError(f"{error}\nCorrect what is named; or save the map above as {MAP}, correct it (words of "
-                            f"outcomes: outcome.values), and run: {again}") from error
+                            f"outcomes: outcome.values), and run: {shlex.join([*again, '--map', MAP])}") from error
