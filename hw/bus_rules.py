@@ -30,19 +30,19 @@ class Allowed(Struct, frozen=True):
 
 
 def allow(example: Frame, most: int) -> Allowed:
-    """Frames such as this one, whatever they say."""
+    """Return a rule that allows frames like this one, whatever their data."""
     return Allowed(example.arbitration_id, example.is_extended, example.is_remote, len(example.data), most)
 
 
 class AllowList:
-    """The kinds of frames that may be sent, and when each was sent of late."""
+    """The kinds of frames that may be sent, and when each was recently sent."""
 
     def __init__(self, allowed: Iterable[Allowed]) -> None:
         self._kinds = {(kind.arbitration_id, kind.is_extended, kind.is_remote, kind.length): (kind.most, deque[int]())
                        for kind in allowed}
 
     def refuse(self, frame: Frame, t_ns: int) -> Reason | None:
-        """Why `frame` may not be sent at `t_ns`; None when it may, and then it counts as sent."""
+        """Return why `frame` may not be sent at `t_ns`; None if it may, in which case it counts as sent."""
         kind = self._kinds.get((frame.arbitration_id, frame.is_extended, frame.is_remote, len(frame.data)))
         if kind is None:
             return FRAME_NOT_ALLOWED(frame=frame.name, bytes=len(frame.data), remote=frame.is_remote)
@@ -56,7 +56,7 @@ class AllowList:
 
 
 class AllowedBus:
-    """A bus that sends only what is allowed; `tally` counts what was refused."""
+    """A bus that sends only allowed frames; `tally` counts the refused ones."""
 
     def __init__(self, bus: Bus, allowed: Iterable[Allowed], clock: Clock, tally: Counter[str]) -> None:
         self._bus, self._clock, self._tally = bus, clock, tally
@@ -67,7 +67,7 @@ class AllowedBus:
         return self._bus.read()
 
     def write(self, frame: Frame) -> bool:
-        """As the bus itself; False, and a fault, for a frame that may not be sent."""
+        """Write as the bus does; return False and report a fault for a frame that may not be sent."""
         why = self._list.refuse(frame, self._clock.now_ns())
         if why is not None:
             self._tally["frames not allowed"] += 1
@@ -94,11 +94,11 @@ def kind_of(frame: Frame) -> Kind:
 
 
 class MonitoredBus:
-    """A bus whose incoming frames are counted in `tally` and judged, and passed on as they are.
+    """A bus whose incoming frames are counted in `tally`, checked, and passed on unchanged.
 
-    `known`: what our devices send. `ours`: what only we may send; we do not hear ourselves, so one of these coming in
-    is another host at work. `pulses`: kind -> its period (ns), of one frame of each device whose period is known, at
-    which two devices with the same id would give themselves away.
+    `known`: frames that our devices send. `ours`: frames that only we may send; since we do not receive our own,
+    receiving one reveals another host. `pulses`: kind -> period (ns) of one frame of each device with a known period,
+    which reveals two devices with the same id.
     """
 
     def __init__(self, bus: Bus, known: Iterable[Kind], ours: Iterable[Kind], pulses: Mapping[Kind, int],
@@ -166,7 +166,8 @@ SELDOM = 5                            # within WINDOW_NS, of what is asked a few
 
 
 class Rules(Struct, frozen=True):
-    """Of one device: what it may be sent, what hosts and it itself send, and one kind of its frames with its period."""
+    """Rules of one device: the frames that it may be sent, those that hosts and the device send, and one kind with its
+    period."""
 
     allowed: tuple[Allowed, ...]      # nothing: the device is another controller's
     by_host: tuple[Kind, ...]
@@ -175,10 +176,10 @@ class Rules(Struct, frozen=True):
 
 
 def allow_seldom(frames: Iterable[Frame]) -> tuple[Allowed, ...]:
-    """Frames such as these, a few times a second."""
+    """Return rules that allow frames like these a few times a second."""
     return tuple(allow(frame, SELDOM) for frame in frames)
 
 
 def kinds_of(frame_ids: Iterable[int], is_extended: bool) -> tuple[Kind, ...]:
-    """Data frames with these arbitration ids."""
+    """Return the kinds of data frames with these arbitration ids."""
     return tuple((frame_id, is_extended, False) for frame_id in frame_ids)

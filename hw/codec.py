@@ -43,10 +43,10 @@ class _Layout(NamedTuple):
 
 
 class Codec:
-    """One device family's frames.
+    """The frames of one device family.
 
     Values are physical, in the unit that the DBC file states for each signal. A value that is not finite or lies
-    outside the DBC's range is refused in both directions, so the DBC file is also the record of what is plausible.
+    outside the DBC's range is refused in both directions, so the DBC file also defines what is plausible.
     """
 
     def __init__(self, name: str, messages: Mapping[str, _Entry]) -> None:
@@ -54,15 +54,16 @@ class Codec:
         self._messages = messages
 
     def sent_by(self, node: str) -> tuple[str, ...]:
-        """Names of the messages that `node` of the DBC file sends ("Host", or what the file calls the device)."""
+        """Return the names of the messages that `node` of the DBC file sends ("Host", or the file's name for the
+        device)."""
         return tuple(name for name, entry in self._messages.items() if node in entry.message.senders)
 
     def base_id(self, message: str) -> int:
-        """Arbitration id of a message for device 0."""
+        """Return the arbitration id of a message for device 0."""
         return int(self._messages[message].message.frame_id)
 
     def make(self, message: str, values: Values) -> bytes:
-        """Data bytes that say `values`, one for each signal; BadFrame for a missing, foreign or impossible one."""
+        """Encode `values`, one for each signal; BadFrame for a missing, unknown or impossible one."""
         entry = self._messages[message]
         if values.keys() != entry.names:
             wrong = tuple(sorted(values.keys() ^ entry.names))
@@ -75,7 +76,7 @@ class Codec:
                              for name, is_float in zip(names, floats, strict=True)])
 
     def parse(self, message: str, data: bytes) -> dict[str, float]:
-        """Signal values that `data` says; BadFrame if it is short, long, not finite or out of range."""
+        """Decode the signal values of `data`; BadFrame if it is short, long, not finite or out of range."""
         entry = self._messages[message]
         if len(data) != entry.length:
             raise BadFrame(FRAME_LENGTH(message=f"{self.name} {message}", bytes=len(data), wanted_bytes=entry.length))
@@ -88,7 +89,7 @@ class Codec:
         return values
 
     def parse_frame(self, message: str, frame: Frame, device: str, data: bytes | None = None) -> dict[str, float]:
-        """As `parse`, of a frame, or of `data` in its place; a refusal names the device and the frame, too."""
+        """Parse a frame, or `data` in its place; errors also name the device and the frame."""
         try:
             return self.parse(message, frame.data if data is None else data)
         except BadFrame as error:
@@ -103,13 +104,13 @@ class Codec:
 
 @functools.cache
 def load_codec(name: str) -> Codec:
-    """Read `hw/dbc/<name>.dbc`, once; ValueError as read_codec."""
+    """Load `hw/dbc/<name>.dbc`, once; raises ValueError as read_codec does."""
     return read_codec(DBC / f"{name}.dbc")
 
 
 @functools.cache
 def read_codec(path: Path) -> Codec:
-    """Read a DBC file, once; ValueError if a signal there states no range."""
+    """Read a DBC file, once; ValueError if a signal states no range."""
     import cantools  # slow to import, and most commands make no frame
     database = cantools.database.load_file(path, database_format="dbc", strict=True)
     return Codec(path.stem, {message.name: _entry(path, message) for message in database.messages})

@@ -1,4 +1,4 @@
-"""Interfaces of wires, cameras, clocks and motors, real or emulated; frames and device readings in SI units."""
+"""Interfaces to wires, cameras, clocks and motors, real or emulated; frames and device readings in SI units."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -18,11 +18,11 @@ ErrorTable = tuple[tuple[int, Code], ...]         # bit of a controller's error 
 
 
 class MotorReading(Struct, frozen=True):
-    """Newest state of one motor axis. Each group of signals has its own stamp; 0 means never heard.
+    """Newest state of one motor axis. Each group of signals has its own timestamp; 0 means never received.
 
     Positive is the direction that launches a ball (or raises the hood); position is that of the motor shaft.
-    `errors_t_ns` is of devices that tell their errors in a frame of their own. Where the heartbeat tells them it is
-    absent, as in recordings from before it was there.
+    `errors_t_ns` is for devices that report errors in a separate frame. If the heartbeat reports them it is absent, as
+    in recordings made before the field existed.
     """
 
     t_ns: int = 0                     # encoder estimate
@@ -44,7 +44,7 @@ class MotorReading(Struct, frozen=True):
 class AngleReading(Struct, frozen=True):
     """Newest state of an absolute angle encoder; `angle_rad` in [0, 2 pi).
 
-    `faults_t_ns` is absent in recordings from before it was there; 0 means never heard.
+    `faults_t_ns` is absent in recordings made before the field existed; 0 means never received.
     """
 
     t_ns: int
@@ -71,7 +71,7 @@ class CameraFrame:
 
 
 def errors_in(bits: int, table: ErrorTable) -> tuple[Reason, ...]:
-    """Return the errors of a bit field; the bits that the table lacks come last, as one number."""
+    """Return the errors of a bit field; bits that the table lacks come last, as one number."""
     if not bits:
         return ()
     unnamed = bits & ~sum(bit for bit, _ in table)
@@ -91,17 +91,18 @@ class _WithReason(Exception):
 
 
 class LinkLost(_WithReason):
-    """The wire itself is gone (adapter unplugged, port closed); `reason` names it."""
+    """The wire itself is lost (adapter unplugged, port closed); `reason` names it."""
 
 
 class BadFrame(_WithReason, ValueError):
-    """A frame that its device cannot have meant: wrong length, non-finite, or out of range; `reason` names it."""
+    """A frame that its device cannot have sent: wrong length, non-finite, or out of range; `reason` names it."""
 
 
 class Frame(NamedTuple):
     """One CAN frame. `t_ns` is the monotonic receive time; 0 on a frame that has yet to be sent.
 
-    A remote frame has no data on the wire; the length of `data`, all zeros, is how long an answer it asks for.
+    A remote frame has no data on the wire; the length of `data`, all zeros, is the length of the answer that it
+    requests.
     """
 
     t_ns: int
@@ -112,28 +113,28 @@ class Frame(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its id as people write it: 0x02e, or 0x070e00c5 when it is extended."""
+        """Its id as usually written: 0x02e, or 0x070e00c5 if it is extended."""
         return f"0x{self.arbitration_id:08x}" if self.is_extended else f"0x{self.arbitration_id:03x}"
 
 
 class Bus(Protocol):
-    """A CAN bus. Neither call blocks; both raise LinkLost when the adapter is gone."""
+    """A CAN bus. Neither call blocks; both raise LinkLost when the adapter is lost."""
 
     def read(self) -> list[Frame]:
-        """All frames received since the last call, oldest first."""
+        """Return all frames received since the last call, oldest first."""
 
     def write(self, frame: Frame) -> bool:
-        """Queue one frame; False when the transmit queue refused it (counted, never retried here)."""
+        """Queue one frame; return False if the transmit queue refused it (counted, never retried here)."""
 
     def faults(self) -> list[Reason]:
-        """What has been wrong with the wire since the last call; empty when nothing was."""
+        """Return what was wrong with the wire since the last call; empty if nothing was."""
 
 
 class Stream(Protocol):
-    """What comes over a serial port. Nothing blocks; reading raises LinkLost."""
+    """Data from a serial port. Nothing blocks; reading raises LinkLost."""
 
     def read(self) -> bytes:
-        """All bytes received since the last call; empty when there are none."""
+        """Return all bytes received since the last call; empty if there are none."""
 
     def close(self) -> None: ...
 
@@ -142,18 +143,18 @@ class Camera(Protocol):
     """A camera that keeps only its newest image."""
 
     def read(self) -> CameraFrame | None:
-        """The newest image not yet read, or None; raises LinkLost."""
+        """Return the newest image not yet read, or None; raises LinkLost."""
 
     def close(self) -> None: ...
 
 
 class Clock(Protocol):
-    """The one source of time. Monotonic integer nanoseconds; the zero is arbitrary."""
+    """The only source of time: monotonic integer nanoseconds with an arbitrary zero."""
 
     def now_ns(self) -> int: ...
 
     def sleep_until_ns(self, t_ns: int) -> None:
-        """Return once now_ns() >= t_ns. On the twin this is what makes the emulated world advance."""
+        """Return once now_ns() >= t_ns. On the twin this advances the emulated world."""
 
 
 class Order(NamedTuple):
@@ -165,27 +166,29 @@ class Order(NamedTuple):
 
 
 class Motor(Protocol):
-    """One motor axis. No IO: it is given the frames that came and gives those to send; it reads no clock.
+    """One motor axis. No I/O: it receives frames and returns those to send; it reads no clock.
 
     Torques are at the motor shaft; positive launches a ball or raises the hood. It drives only while all readings that
-    it needs are fresh and good.
+    it needs are fresh and valid.
     """
 
     reading: MotorReading
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
-        """(arbitration id, is extended) of every frame that `take` understands."""
+        """Return (arbitration id, is extended) of every frame that `take` understands."""
 
     def take(self, frame: Frame) -> None:
-        """Bring `reading` up to date by one frame that is not remote; BadFrame leaves it as it was."""
+        """Update `reading` by one frame that is not remote; BadFrame leaves it unchanged."""
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
-        """Once a tick, at the time that is recorded of it, before `order`: faults that `reading` does not hold and that
-        stand in the way of driving; they name the device."""
+        """Return faults, naming the device, that `reading` does not contain and that prevent driving.
+
+        Called once a tick, at the tick's recorded time, before `order`.
+        """
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
-        """Once a tick: drive with this torque; None: let go, which is said to the device at once, whatever it reports,
-        and again from time to time."""
+        """Drive with this torque, once a tick; None: release, which is sent at once, whatever the device reports, and
+        repeated from time to time."""
 
     def release(self) -> tuple[Frame, ...]:
-        """What leaves the motor idle, now and for good."""
+        """Return the frames that leave the motor idle for good."""

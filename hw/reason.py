@@ -38,7 +38,7 @@ class Reason(Struct, frozen=True, omit_defaults=True):
     params: "dict[str, bool | int | float | str | Reason | tuple[int | float | str | Reason, ...]]" = {}
 
     def about(self, **params: Any) -> "Reason":
-        """The same with these parameters in front."""
+        """Return the same reason with these parameters in front."""
         return replace(self, params={**params, **self.params})
 
 
@@ -97,13 +97,13 @@ class Message(Struct, frozen=True):
 
 
 def unit_of(name: str) -> str:
-    """Return the unit that ends a name, as in `speed_rad_s` or `outer_m.0`; "" without one."""
+    """Return the unit at the end of a name, as in `speed_rad_s` or `outer_m.0`; "" without one."""
     name = name.rstrip("0123456789.")
     return next((unit for end, unit in UNITS if name.endswith(end)), "")
 
 
 def index(codes: Iterable[Code]) -> dict[str, Code]:
-    """Codes by name; ValueError for one declared twice."""
+    """Return codes by name; ValueError for one declared twice."""
     found: dict[str, Code] = {}
     for code in codes:
         if found.setdefault(code.name, code) is not code:
@@ -112,7 +112,7 @@ def index(codes: Iterable[Code]) -> dict[str, Code]:
 
 
 def render(reason: Reason, codes: Mapping[str, Code]) -> str:
-    """The log text; of a code that is not among `codes`, its name and parameters."""
+    """Return the log text; for a code that is not among `codes`, its name and parameters."""
     try:
         code = codes[reason.code]
     except KeyError:
@@ -122,13 +122,13 @@ def render(reason: Reason, codes: Mapping[str, Code]) -> str:
 
 
 def fill(template: str, params: Mapping[str, Any], codes: Mapping[str, Code]) -> str:
-    """`template` with a reason's parameters put in, each in the format that its field states."""
+    """Return `template` filled with a reason's parameters, each in the format that its field states."""
     shown = {name: _Shown(value, codes) for name, value in params.items()}
     return template.format_map(defaultdict(lambda: _Shown(None, codes), shown))
 
 
 def listed(values: Iterable[Any], codes: Mapping[str, Code]) -> str:
-    """Texts of several, with commas between them."""
+    """Join several texts with commas."""
     return ", ".join(_text(one, codes) for one in values)
 
 

@@ -42,7 +42,8 @@ def network_part(network: Network) -> Part:
 
 
 def novelty_part(novelty: gates.Novelty) -> Part:
-    """Distance to the k-th nearest landmark over the largest known one; `features` to `novelty` [n, 1].
+    """Return the nodes of the distance to the k-th nearest landmark over the largest known one; `features` to `novelty`
+    [n, 1].
 
     |z - y|^2 is taken as |y|^2 - 2 z.y, of which the smallest are found, plus |z|^2: one matrix product a decision.
     """
@@ -62,7 +63,7 @@ def novelty_part(novelty: gates.Novelty) -> Part:
 
 
 def physics_part(surrogate: Surrogate, shape: gates.GateShape, aside: float) -> Part:
-    """The surrogate's mean and spread, and of them the probabilities of the ordinal model; `features` to `p`.
+    """Return the nodes of the surrogate's mean and spread and the ordinal model's probabilities; `features` to `p`.
 
     Chebyshev polynomials as cos(k arccos u), their products as cosines of sums; no flight is integrated here. An
     outcome within a half-height has the probability (1 - lapse) (erf(above) - erf(below)) / 2 + its share of a lapse,
@@ -127,7 +128,7 @@ class Trained:
 
 
 def load_trained(directory: str | Path) -> Trained:
-    """Read a weights directory; InputError names the file and what is wrong with it."""
+    """Load a weights directory; InputError names the file and what is wrong with it."""
     if (Path(directory) / gates.MODEL_FILE).is_file():
         return _physics(directory)
     network, record = load_weights(directory)
@@ -150,7 +151,7 @@ def _physics(directory: str | Path) -> Trained:
 
 def make_model(parts: Sequence[Part], domain: dict[str, list[float]], novelty: dict[str, Any],
                provenance: dict[str, Any]) -> bytes:
-    """ONNX bytes: `features` float32 [n, 3] in, `p` [n, 2] (p_two, p_three) and `novelty` [n, 1] float32 out.
+    """Return ONNX bytes: `features` float32 [n, 3] in, `p` [n, 2] (p_two, p_three) and `novelty` [n, 1] float32 out.
 
     `domain` is {feature: [low, high]} in the contract's units; `novelty` is what the second output is measured from.
     They, the contract, its hash, the provenance and the file's own seal stand in the metadata. The same arguments give
@@ -197,7 +198,7 @@ def export_weights(directory: str | Path, path: str | Path) -> bytes:
 
 
 def say_narrowed(trained: Trained, domain: dict[str, list[float]]) -> str:
-    """Say which of the recorded shots lie outside a domain over which the graph follows the physics."""
+    """Report which recorded shots lie outside a domain over which the graph follows the physics."""
     known = trained.novelty           # weights of earlier versions do not say which shot had which settings
     recorded = trained.record.get("recorded") or dict(enumerate(known.landmarks / known.scale + known.mean, 1))
     low, high = np.array([domain[feature.name] for feature in contract.FEATURES]).T

@@ -1,4 +1,4 @@
-"""Verification of an exported gate against its trainer and against itself; its probabilities for shots of a dataset."""
+"""Verification of an exported gate and its agreement with its trainer; its probabilities for the shots of a dataset."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,8 +27,8 @@ SINGLES = 500                         # rows that are also rated one by one
 
 
 def features_of(shots: Shots, name: str) -> np.ndarray:
-    """Feature rows [n, 3] of dataset `name` in the contract's order; InputError names column and shots that lack
-    one."""
+    """Return feature rows [n, 3] of dataset `name` in the contract's order; InputError names a column and the shots
+    that lack it."""
     for feature in FEATURES:
         lacking = [shots.shot_id[row] for row in np.flatnonzero(np.isnan(shots.number(feature.name)))]
         if lacking:
@@ -58,8 +58,8 @@ def _number(value: float) -> float | None:
 class Comparison(NamedTuple):
     """Gate against trainer on some rows: the largest difference in either p, and rows whose class differs at 0.5.
 
-    `novelty`: the largest difference there, as a share of the trainer's or of 1, whichever is larger. `rows`: of which
-    p was compared.
+    `novelty`: the largest difference in novelty, relative to the trainer's or to 1, whichever is larger. `rows`: the
+    number of rows whose p was compared.
     """
 
     rows: int
@@ -70,20 +70,21 @@ class Comparison(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """A class may flip only where the trainer's own p is within the tolerance of 0.5; `worst` covers that."""
+        """Whether all is within tolerance; a class may flip only where the trainer's own p is that close to 0.5, which
+        `worst` covers."""
         return self.worst <= self.tolerance and self.novelty <= NOVELTY_TOLERANCE
 
 
 def domain_grid(gate: Gate, points: int = GRID_POINTS) -> np.ndarray:
-    """Features [points^3, 3] on an even grid over the gate's domain, its faces included."""
+    """Return features [points^3, 3] on an even grid over the gate's domain, including its faces."""
     axes = [np.linspace(low, high, points) for low, high in gate.domain]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 
 def compare(gate: Gate, trained: Trained, features: np.ndarray) -> Comparison:
-    """onnxruntime's p and novelty against the trainer's own float64, on rows [n, 3] as float32 carries them.
+    """Compare onnxruntime's p and novelty with the trainer's float64, on rows [n, 3] rounded to float32.
 
-    A gate whose p is meant inside its domain only (`trained.bounded`) is compared in p on the rows inside it.
+    If p is valid only inside the domain (`trained.bounded`), it is compared only on the rows inside.
     """
     features = np.asarray(features, np.float32).astype(np.float64)
     given, own = gate.rate_many(features), trained.novelty(features)
@@ -100,7 +101,7 @@ def _largest(difference: np.ndarray) -> float:
 
 
 def find_faults(gate: Gate, features: np.ndarray) -> list[str]:
-    """Find faults of a gate by itself on rows [n, 3]: missing numbers, not repeatable, batches unlike single rows."""
+    """Find a gate's own faults on rows [n, 3]: missing numbers, no repeatability, batches unlike single rows."""
     faults = []
     p, inside, novelty = gate.rate_many(features)
     if np.isnan(p).any():

@@ -32,7 +32,7 @@ BATTERY_STEP_V, BATTERY_RATE_V_S = 4.0, 20.0
 
 
 def advise_step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims: Aims = NO_AIMS) -> Tick:
-    """Judge one tick's keys; aims: the aim files by which set points are proposed."""
+    """Judge one tick's keys; aims: the aim files that propose set points."""
     memory, outcomes = aiming.operate(inputs, memory, config)
     memory = remember(inputs, memory, config)
     belief = estimate(inputs, memory, config)

@@ -35,12 +35,12 @@ NOWHERE = (IDLE.source, NO_FILE.source, BEYOND.source)
 
 
 def config_id(trial: int, collect: Collect) -> str:
-    """Name of the configuration that a trial uses; repeats share it."""
+    """Return the name of the configuration that a trial uses; repeats share it."""
     return f"c{trial // collect.repeats:04d}"
 
 
 def plan(trial: int, collect: Collect) -> tuple[float, float]:
-    """Share of the feasible hood range (0-1) and speed trim (a signed fraction) of one trial.
+    """Return the share of the feasible hood range (0-1) and the speed trim (a signed fraction) of one trial.
 
     Trims are denser near zero, so that misses, two-pointers and three-pointers come in similar numbers.
     """
@@ -51,7 +51,7 @@ def plan(trial: int, collect: Collect) -> tuple[float, float]:
 
 
 def vacuum_speed_m_s(distance_m: float, rise_m: float, elevation_deg: float, gravity_m_s2: float) -> float | None:
-    """Exit speed whose parabola passes through the target; None when the elevation points below it."""
+    """Return the exit speed whose parabola passes through the target; None if the elevation points below it."""
     tangent = math.tan(math.radians(elevation_deg))
     drop_m = distance_m * tangent - rise_m
     if drop_m <= 0.0:
@@ -60,9 +60,9 @@ def vacuum_speed_m_s(distance_m: float, rise_m: float, elevation_deg: float, gra
 
 
 def aim(estimate: Estimate, memory: Memory, config: Config, aims: Aims = NO_AIMS) -> Aim:
-    """Set points for the current trial; IDLE while disarmed or before the target has ever been seen.
+    """Return the set points for the current trial; IDLE while disarmed or before the target has ever been seen.
 
-    By an aim file NO_FILE where there is none, BEYOND where it has no set point for the distance.
+    With an aim file: NO_FILE if there is none, BEYOND if it has no set point for the distance.
     """
     target = config.rig.target
     if not memory.armed or estimate.distance_m is None or target is None:
@@ -104,27 +104,27 @@ def _by_belief(distance_m: float, estimate: Estimate, memory: Memory, config: Co
 
 
 def is_moving(estimate: Estimate) -> bool:
-    """Whether the robot is known to drive."""
+    """Return whether the robot is known to be moving."""
     return speed_m_s(estimate) > STILL_M_S
 
 
 def speed_m_s(estimate: Estimate) -> float:
-    """Of the robot; 0 where it is not known."""
+    """Return the speed of the robot; 0 if unknown."""
     toward, left = estimate.toward_m_s, estimate.leftward_m_s
     return 0.0 if toward is UNSET or left is UNSET else math.hypot(toward, left)
 
 
 def as_at_rest(estimate: Estimate, aim: Aim) -> Estimate:
-    """The same throw from a robot that stands: what the gate, which knows such shots alone, is asked."""
+    """Return the same throw from a robot at rest, the only kind of shot that the gate can rate."""
     if aim.virtual_m is UNSET or aim.trim is UNSET:
         return estimate
     return replace(estimate, distance_m=aim.virtual_m, motor_ratio=estimate.motor_ratio * math.exp(-aim.trim))
 
 
 def place_m(distance_m: float | None, memory: Memory, config: Config) -> float | None:
-    """The distance that the current trial's aim, made at `distance_m`, is for.
+    """Return the distance that the current trial's aim, made at `distance_m`, is for.
 
-    None where a model rates every shot: it rates the distance of the tick, wherever the aim was made.
+    None if a model rates every shot: it rates the distance of the tick, wherever the aim was made.
     """
     row = _row(memory.trial, config.collect)
     if row is not None:
@@ -133,20 +133,20 @@ def place_m(distance_m: float | None, memory: Memory, config: Config) -> float |
 
 
 def is_left(held: Aim, place_m: float | UnsetType | None, distance_m: float | None) -> bool:
-    """Whether the robot has left the place that a held aim by an aim file is for, so that it must aim again."""
+    """Return whether the robot has left the place that an aim from an aim file is for, so that it must aim again."""
     return (held.source == BELIEF and isinstance(place_m, float) and distance_m is not None
             and not abs(distance_m - place_m) <= REAIM_M)
 
 
 def from_here(held: Aim, place_m: float | UnsetType | None, distance_m: float | None) -> Aim:
-    """A held aim for a robot that may have moved since: away from its place it must not be fired with."""
+    """Return a held aim for a robot that may have moved since; away from its place the aim must not be fired."""
     if place_m is None or place_m is UNSET or distance_m is None or abs(distance_m - place_m) <= PLACE_M:
         return held
     return Aim(held.motor_ratio, held.hood_deg, held.source, place_m)
 
 
 def is_planned(aim: Aim) -> bool:
-    """Whether it may be fired with from where the robot stands."""
+    """Return whether an aim may be fired from where the robot is."""
     return aim.source in (PLAN, BELIEF) and aim.stand_m is UNSET
 
 
@@ -164,22 +164,23 @@ def _row(trial: int, collect: Collect) -> Prescribed | None:
 
 
 def surface_m_s(config: Config) -> float:
-    """Mean surface speed of the wheels when the motors run at free speed (Eq. 11 of the paper)."""
+    """Return the mean surface speed of the wheels at the motors' free speed (Eq. 11 of the paper)."""
     launcher = config.rig.launcher
     speeds = [wheel.radius_m * wheel.gear * (launcher.free_speed_rad_s or 0.0) for wheel in launcher.wheel]
     return sum(speeds) / len(speeds)
 
 
 def walked(walk: Walk, distance_m: float, hood_deg: float) -> float:
-    """Log speed correction at a distance and launch elevation."""
-    return sum(part * lever for part, lever in zip(walk, _levers(distance_m, hood_deg), strict=True))
+    """Return the log speed correction at a distance and launch elevation."""
+    levers = _levers(distance_m, hood_deg)
+    return walk[0] * levers[0] + walk[1] * levers[1] + walk[2] * levers[2]
 
 
 def step_walk(walk: Walk, side: int, shot: Shot, config: Config) -> Walk:
-    """One driver's mark: side -1 = passed low (more speed), +1 = passed high (less), 0 = on target (nothing).
+    """Apply one driver's mark: side -1 = passed low (more speed), +1 = passed high (less), 0 = on target (nothing).
 
-    A mark on the side to which the speed was deliberately trimmed carries no information on the aim, nor does one of
-    a prescribed shot. By an aim file nothing is trimmed, and the level alone is corrected.
+    A mark on the side to which the speed was deliberately trimmed carries no information about the aim, nor does a mark
+    of a prescribed shot. With an aim file nothing is trimmed, and only the level is corrected.
     """
     collect = config.collect
     if collect.prescribed:
@@ -195,7 +196,7 @@ def step_walk(walk: Walk, side: int, shot: Shot, config: Config) -> Walk:
 
 
 def add(one: Walk, other: Walk) -> Walk:
-    """Sum of two walks."""
+    """Return the sum of two walks."""
     return one[0] + other[0], one[1] + other[1], one[2] + other[2]
 
 
@@ -218,10 +219,11 @@ SIDES = {"miss-low": -1, "miss-high": 1, "two": 0, "two-low": 0, "two-high": 0, 
 
 
 def operate(inputs: Inputs, memory: Memory, config: Config) -> tuple[Memory, tuple[Outcome, ...]]:
-    """Apply this tick's presses in order; each outcome button answers the newest unanswered shot.
+    """Apply this tick's presses in order; each outcome button marks the newest unmarked shot.
 
-    A press that got lost may have been that of "arm" by which a driver believes to have disarmed, and may reach into
-    the launcher; one that armed costs a second press. So the robot is disarmed, whatever else was pressed meanwhile.
+    A lost press may have been an "arm" by which the driver believes to have disarmed and may reach into the launcher;
+    if it was meant to arm, it only costs a second press. So lost presses disarm the robot, whatever else was pressed
+    meanwhile.
     """
     outcomes: list[Outcome] = []
     for event in inputs.buttons:

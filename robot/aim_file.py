@@ -57,7 +57,7 @@ class Motion(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Segment(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Set points from its first distance to its last, which ascend; two at least."""
+    """Set points from its first distance to its last, at least two, in ascending order."""
 
     distance_m: tuple[float, ...]     # exit to target plane, horizontal
     hood_deg: Curve                   # launch elevation
@@ -67,7 +67,7 @@ class Segment(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
 
 
 class AimRig(Struct, frozen=True, forbid_unknown_fields=True):
-    """What of a rig set points depend on and no session changes."""
+    """The properties of a rig that set points depend on and no session changes."""
 
     ball: Ball                        # as in rig.toml
     launcher: LauncherFacts           # as in rig.toml
@@ -87,7 +87,7 @@ class AimContent(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SetPoint(NamedTuple):
-    """Launch elevation, motor speed / free speed, and by how much to aim to the left of the target."""
+    """Launch elevation, motor speed / free speed, and the lead to the left of the target."""
 
     hood_deg: float
     motor_ratio: float
@@ -95,8 +95,8 @@ class SetPoint(NamedTuple):
 
 
 class OnTheMove(NamedTuple):
-    """A set point for a robot that drives: where a robot at rest would have to stand for the same throw, that set
-    point, by how much more to aim to the left of the target, and the log of the speed that comes on top."""
+    """A set point for a moving robot: the distance from which a robot at rest would make the same throw, that set
+    point, the extra lead to the left of the target, and the log of the extra speed."""
 
     virtual_m: float
     point: SetPoint
@@ -105,20 +105,20 @@ class OnTheMove(NamedTuple):
 
 
 class AimFile(NamedTuple):
-    """A loaded aim file. Made by load_aim only, which has checked it. `sha256`: of the file."""
+    """A loaded and checked aim file, made only by load_aim. `sha256`: of the file."""
 
     content: AimContent
     sha256: str
 
     def at(self, distance_m: float) -> SetPoint | None:
-        """The set point for a distance; None where the file has none."""
+        """Return the set point for a distance; None if the file has none."""
         segment = self._segment(distance_m)
         return None if segment is None else _between(segment, distance_m)
 
     def moving(self, distance_m: float, toward_m_s: float, left_m_s: float, delay_s: float) -> OnTheMove | None:
-        """The set point for a robot whose velocity, toward the target and to the left of it, the ball takes along.
+        """Return the set point for a robot whose velocity, toward the target and to its left, carries the ball along.
 
-        delay_s: from now to when it leaves. None where the file has none.
+        delay_s: time until the ball leaves. None if the file has none.
         """
         turn_rad, virtual_m = 0.0, distance_m
         for _ in range(ROUNDS):
@@ -197,7 +197,7 @@ def load_aim(path: str | Path) -> AimFile:
 
 
 def check_rig(path: str | Path, aim: AimFile, rig: Rig) -> None:
-    """InputError where the file is for another ball, launcher or target."""
+    """Raise InputError if the file is for another ball, launcher or target."""
     theirs, ours = (msgspec.to_builtins(one) for one in (aim.content.rig, rig_of(rig)))
     for part in ("ball", "launcher", "target"):
         if theirs[part] != ours[part]:
@@ -206,8 +206,7 @@ def check_rig(path: str | Path, aim: AimFile, rig: Rig) -> None:
 
 
 def load_aim_for(path: str | Path, config: Config) -> AimFile:
-    """load_aim; InputError, too, where the file is for another rig than the configuration's, or a hood of more travel.
-    """
+    """Load an aim file as load_aim does; InputError also if it is for another rig or a hood with more travel."""
     aim = load_aim(path)
     check_rig(path, aim, config.rig)
     hoods = [angle for segment in aim.content.segments for angle in segment.hood_deg.value]
@@ -269,7 +268,7 @@ SHOWN = 5                             # bad rows that a message names before it 
 
 
 def load_plan(path: str | Path, config: Config) -> tuple[Prescribed, ...]:
-    """Rows of a CSV file, or of shots.csv in a dataset directory; other columns are not looked at.
+    """Read rows of a CSV file, or of shots.csv in a dataset directory; other columns are ignored.
 
     InputError names file, line and column of every row that this launcher cannot be set to: ratio in (0, 1], elevation
     within the hood's limits, distance above 0.
@@ -288,7 +287,7 @@ def load_plan(path: str | Path, config: Config) -> tuple[Prescribed, ...]:
 
 
 def with_plan(config: Config, plan: tuple[Prescribed, ...], repeats: int | None = None) -> Config:
-    """The configuration with these shots prescribed, each `repeats` times (None: as often as [collect] says)."""
+    """Return the configuration with these shots prescribed, each `repeats` times (None: as [collect] states)."""
     repeats = config.collect.repeats if repeats is None else repeats
     if repeats < 1:
         raise InputError(f"--repeats {repeats}: at least 1")

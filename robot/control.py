@@ -14,7 +14,7 @@ from truearc.robot.config.schema import Config, PidGains
 from truearc.robot.estimate import is_fresh
 from truearc.robot.motion import BLIND, SHOWN_S, SWITCH_DEG, Watch, here_deg
 from truearc.robot.motors import elevation_per_rad
-from truearc.robot.types import Aim, Command, Estimate, Inputs, Joint, Memory, Pid, Verdict
+from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
 
 RELEASED, AT_REST = Command(), Pid()
 NEAR_PER_S = 10.0                     # the hood's speed limit, per degree that is left to a soft limit
@@ -28,7 +28,7 @@ YOUNG_SHARE = 0.3                     # of the age limit: a speed by which the h
 
 def step_pid(gains: PidGains, memory: Pid, setpoint: float, measurement: float, feedforward: float,
              low: float, high: float, dt_s: float) -> tuple[float, Pid]:
-    """One step of `dt_s`; returns the output within [low, high] and the loop's next memory.
+    """Advance the loop by `dt_s`; return the output within [low, high] and the loop's next memory.
 
     The derivative acts on the measurement, so a stepped set point gives no kick. The integral term is kept in output
     units and stands still while the output is clamped in the direction of the error.
@@ -47,7 +47,7 @@ def step_pid(gains: PidGains, memory: Pid, setpoint: float, measurement: float, 
 
 def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memory: Memory, config: Config,
             watched: Watch) -> tuple[Command, Memory]:
-    """Torques for this tick. Disarmed, no axis is enabled."""
+    """Return the torques for this tick. While disarmed, no axis is enabled."""
     if not memory.armed:
         return RELEASED, replace(memory, flywheel=AT_REST, hood=AT_REST, feed_t_ns=0, motion=UNSET)
     wheels_on = watched.wheels.cause is None and not watched.is_idle
@@ -56,8 +56,8 @@ def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memo
     if wheels_on and watched.wheels_ready:
         flywheel, wheel_pid = _flywheel(estimate, aim, memory, config)
     if hood_on and watched.hood_ready and watched.hood.dropped_deg is None:
-        hood, hood_pid = _hood(inputs, estimate, aim, memory, config, watched.hood)
-    feed_t_ns = inputs.t_ns if verdict.fire else _still_clearing(inputs, memory, config)
+        hood, hood_pid = _hood(inputs, estimate, aim, memory, config, watched)
+    feed_t_ns = inputs.t_ns if verdict.fire else memory.feed_t_ns and _still_clearing(inputs, memory, config)
     feeding = bool(feed_t_ns) and (inputs.t_ns - feed_t_ns) * NS < config.feeder.feed_s and (
         wheels_on and hood_on and watched.feeder_on and watched.feeder_ready)
     command = Command(wheels_on, hood_on, watched.feeder_on, flywheel, hood,
@@ -79,12 +79,12 @@ def _flywheel(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> t
 
 
 def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config,
-          joint: Joint) -> tuple[float, Pid]:
+          watched: Watch) -> tuple[float, Pid]:
     hood = config.hood
     if not memory.homed:              # towards the switch, but not before what can tell how far was heard
         heard = (inputs.hood_angle is not None if config.hood_encoder.is_heard
                  else is_fresh(inputs, inputs.hood_motor.t_ns, config))
-        return (home(inputs, estimate, joint, config) if heard else 0.0), AT_REST
+        return (home(inputs, estimate, watched, config) if heard else 0.0), AT_REST
     if estimate.hood_deg is None or aim.source in NOWHERE:
         return 0.0, AT_REST
     wanted = min(max(aim.hood_deg, hood.low_deg), hood.high_deg)
@@ -98,19 +98,20 @@ def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
     screw_deg = estimate.hood_deg if estimate.hood_screw_deg is None else estimate.hood_screw_deg
     left_deg = (hood.high_deg - max(estimate.hood_deg, screw_deg) if torque > 0.0 else
                 min(estimate.hood_deg, screw_deg) - hood.low_deg)
-    return slow_down(torque, inputs, estimate, joint, config, left_deg), pid
+    return slow_down(torque, inputs, estimate, watched, config, left_deg), pid
 
 
-def home(inputs: Inputs, estimate: Estimate, joint: Joint, config: Config) -> float:
-    """Torque toward the limit switch, within the hood's speed limit; with an encoder, not far beyond the switch."""
+def home(inputs: Inputs, estimate: Estimate, watched: Watch, config: Config) -> float:
+    """Return the torque toward the limit switch, within the hood's speed limit; with an encoder, not far beyond the
+    switch."""
     left_deg = math.inf if estimate.hood_deg is None else estimate.hood_deg - config.hood.low_deg + SWITCH_DEG
-    return slow_down(config.hood.homing_torque_nm, inputs, estimate, joint, config, left_deg)
+    return slow_down(config.hood.homing_torque_nm, inputs, estimate, watched, config, left_deg)
 
 
-def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, joint: Joint, config: Config,
+def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, watched: Watch, config: Config,
               left_deg: float) -> float:
-    """A hood torque that keeps to `[hood] max_deg_s`, and to less near a soft limit, beyond which it is 0, or on
-    readings that grow old.
+    """Return a hood torque that respects `[hood] max_deg_s`, and less near a soft limit, beyond which it is 0, or on
+    old readings.
 
     What the torque has beyond friction fades linearly to nothing at the limit, and brakes beyond it: the speed then
     settles like a first-order lag. The faster of screw and encoder counts; only a young speed of the screw is braked.
@@ -118,17 +119,18 @@ def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, joint: Joint
     Where only the motor's own encoder shows motion, there is next to none until it does.
 
     Args:
-        joint: What the interlocks know of the hood.
+        watched: What the interlocks know of the hood.
         left_deg: Elevation left to the soft limit in the direction of the torque.
     """
     if left_deg <= 0.0 or torque_nm == 0.0:
         return 0.0
-    hood, t_ns, old_s = config.hood, inputs.t_ns, config.gate.reading_age_s
+    hood, joint, t_ns, old_s = config.hood, watched.hood, inputs.t_ns, config.gate.reading_age_s
     speed_age_s = age_s = (t_ns - inputs.hood_motor.t_ns) * NS
     if inputs.hood_angle is not None and config.hood_encoder.is_heard:
         age_s = max(age_s, (t_ns - inputs.hood_angle.t_ns) * NS)
     sign = 1.0 if torque_nm > 0.0 else -1.0
-    screw_deg_s = sign * inputs.hood_motor.velocity_rad_s * elevation_per_rad(here_deg(estimate, hood), hood)
+    deg_per_rad = watched.deg_per_rad or elevation_per_rad(here_deg(estimate, hood), hood)
+    screw_deg_s = sign * inputs.hood_motor.velocity_rad_s * deg_per_rad
     rate_deg_s = max(screw_deg_s, sign * joint.angle_deg_s)
     limit_deg_s = min(hood.max_deg_s, NEAR_PER_S * left_deg) * max(1.0 - age_s / old_s, LEAST_SHARE)
     size_nm = abs(torque_nm)
@@ -146,7 +148,7 @@ def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, joint: Joint
 
 
 def _still_clearing(inputs: Inputs, memory: Memory, config: Config) -> int:
-    busy = memory.feed_t_ns and (inputs.t_ns - memory.feed_t_ns) * NS < config.feeder.clear_s
+    busy = (inputs.t_ns - memory.feed_t_ns) * NS < config.feeder.clear_s
     return memory.feed_t_ns if busy else 0
 
 

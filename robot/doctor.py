@@ -45,7 +45,7 @@ SCARCE_BYTES = 2_000_000_000          # half a day
 
 
 def check_box(box: Stream, clock: Clock) -> Finding:
-    """Whether the button box says that it is there."""
+    """Check whether the button box sends heartbeats."""
     check, pending, wrong = "button box", b"", None
     began_ns = clock.now_ns()
     while clock.now_ns() - began_ns < BOX_S * NS_PER_S:
@@ -64,7 +64,7 @@ def check_box(box: Stream, clock: Clock) -> Finding:
 
 
 def check_calibration(camera: CameraConfig) -> Finding:
-    """Whether a camera that sees tags has a calibration that says how good it is."""
+    """Check whether a camera that sees tags has a calibration with stated uncertainties."""
     check = "camera for tags"
     if camera.focal_sigma > 0.0 or any(camera.distortion):
         return ok(check, "[camera] has a calibration with its uncertainty")
@@ -73,7 +73,7 @@ def check_calibration(camera: CameraConfig) -> Finding:
 
 
 def check_exposure(camera: CameraConfig, exposure: Exposure | None) -> Finding:
-    """Whether images are taken with a fixed exposure that ends before the next begins."""
+    """Check whether images are taken with a fixed exposure that ends before the next begins."""
     check, do = "camera exposure", EXPOSURE_DO.format(camera.device)
     if "://" in camera.device:
         return warning(check, "a network camera: nothing here fixes its exposure or reads it back" +
@@ -95,7 +95,7 @@ def check_exposure(camera: CameraConfig, exposure: Exposure | None) -> Finding:
 
 
 def check_camera(camera: Camera, clock: Clock) -> Finding:
-    """Whether images come, and whether anything can be seen in them."""
+    """Check whether images arrive, and whether anything can be seen in them."""
     check = "camera"
     began_ns = clock.now_ns()
     try:
@@ -122,7 +122,7 @@ def _judge(check: str, picture: CameraFrame) -> Finding:
 
 
 def check_clock(synchronised: bool | None) -> Finding:
-    """The time of day only names recordings, so a wrong one is never a failure."""
+    """Check the time of day, which only names recordings, so a wrong one is never a failure."""
     check = "time of day"
     if synchronised:
         return ok(check, "set by a time server")
@@ -132,14 +132,14 @@ def check_clock(synchronised: bool | None) -> Finding:
 
 
 def check_real_time(answers: Sequence[tuple[str, str]]) -> list[Finding]:
-    """`answers`: (the request to the system, why it was refused, "" = it was granted)."""
+    """Check real-time permissions; `answers`: (request to the system, reason for refusal, "" if granted)."""
     return [warning("real time", f"{asked} is refused ({refused}): ticks may come late",
                     "run it as the service of `truearc deploy`, which is allowed to") if refused
             else ok("real time", f"{asked} is allowed") for asked, refused in answers]
 
 
 def check_disk(folder: Path, free_bytes: int | None, writable: bool) -> Finding:
-    """Room for recordings; `free_bytes` is None when the place cannot be asked."""
+    """Check the room for recordings; `free_bytes` is None if it cannot be queried."""
     check = "disk"
     if free_bytes is None or not writable:
         return failure(check, f"{folder} cannot be written to", "give --out a folder that this user may write to")
@@ -158,8 +158,10 @@ DO = "let `truearc doctor --set` write them, or set them with the maker's tool"
 
 
 def stored_of(config: Config, endpoints: Endpoints | None, must: bool = False) -> dict[str, StoredSettings]:
-    """By the axis's name, of those that keep such settings and whose numbers the table has; InputError for one that it
-    lacks where all `must` be there."""
+    """Return stored settings by axis, for axes whose family has them and whose numbers the table has.
+
+    InputError for an axis without numbers if all `must` be present.
+    """
     found: dict[str, StoredSettings] = {}
     for (name, axis), bounds in zip(name_axes(config), bound_axes(config), strict=True):
         make = family_of(axis).stored_settings
@@ -174,7 +176,7 @@ def stored_of(config: Config, endpoints: Endpoints | None, must: bool = False) -
 
 
 def check_stored(known: Mapping[str, StoredSettings], heard: Heard) -> Iterator[Finding]:
-    """Whether each axis keeps what the rig needs; one finding an axis."""
+    """Check whether each axis stores what the rig needs; one finding per axis."""
     for name, stored in known.items():
         check, values = f"{name}, stored settings", [(one, one.read(heard)) for one in stored.settings]
         differ = [f"{one.name} {'is not told' if has is None else f'{has:g}'}, the rig needs {one.wanted:g}"
@@ -186,7 +188,7 @@ def check_stored(known: Mapping[str, StoredSettings], heard: Heard) -> Iterator[
 
 
 class Wrong(NamedTuple):
-    """A setting of an axis that is not as the rig needs it; `has`: None where nothing was answered."""
+    """A setting of an axis that differs from what the rig needs; `has`: None without an answer."""
 
     axis: str
     setting: family.Stored
@@ -194,9 +196,9 @@ class Wrong(NamedTuple):
 
 
 def set_stored(bus: Bus, clock: Clock, config: Config, endpoints: Endpoints, yes: bool) -> int:
-    """Print what differs, ask, write, save and read it back; 0 when everything is well at the end, else 1.
+    """Print the differences, confirm, write, save and read back; return 0 if everything is right at the end, else 1.
 
-    yes: write without asking. LinkLost: some settings may have been written.
+    yes: write without confirmation. LinkLost: some settings may have been written.
     """
     known = stored_of(config, endpoints, must=True)
     if not known:
@@ -263,8 +265,8 @@ def load_endpoints(path: Path) -> Endpoints:
 
 
 def questions(config: Config, endpoints: Endpoints | None) -> list[Frame]:
-    """Reads only: each axis's version, and its parameters when their numbers are known; nothing of advisory ones. The
-    hood's encoder may be on a motor's controller, which is asked once."""
+    """Return the queries, all read-only: each axis's version, and its parameters if their numbers are known; none for
+    advisory axes. A motor controller that also has the hood's encoder is queried once."""
     encoder = config.hood_encoder
     asked = [frame for _, axis in name_axes(config) for frame in family_of(axis).questions(axis, endpoints)]
     asked += (frame for one in stored_of(config, endpoints).values() for frame in one.questions())
@@ -272,8 +274,7 @@ def questions(config: Config, endpoints: Endpoints | None) -> list[Frame]:
 
 
 def check_devices(config: Config, endpoints: Endpoints | None, heard: Heard) -> Iterator[Finding]:
-    """Axes in the configuration's order, then the hood's encoder, then all of them together; a warning about several
-    devices alike is one."""
+    """Check the axes in the configuration's order, the hood's encoder, then all of them; equal warnings become one."""
     found = [finding for name, axis in name_axes(config)
              for finding in family_of(axis).examine(axis, family.AxisCheck(name, config.tick_hz, endpoints), heard)]
     found += check_stored(stored_of(config, endpoints), heard)
@@ -295,7 +296,7 @@ def _fold(findings: list[Finding]) -> Iterator[Finding]:
 
 
 def check_answer_times(config: Config, heard: Heard) -> Finding:
-    """How long a question and its answer take: frames are stamped as they arrive, so all readings are as late."""
+    """Check how long answers take: frames are stamped on arrival, so all readings are late by as much."""
     check, limit_s = "feedback", config.gate.reading_age_s / 2      # the rest is for a device's own period and a tick
     times = {name: took_s for name, axis in name_axes(config) for question in family_of(axis).questions(axis, None)
              if question.is_remote and (took_s := heard.answer_s(question)) is not None}
@@ -308,7 +309,7 @@ def check_answer_times(config: Config, heard: Heard) -> Finding:
 
 
 def check_pulses(config: Config, heard: Heard) -> Finding:
-    """Whether a device says how it is twice as often as one does; a run would hold its fire for it."""
+    """Check whether a device reports twice as often as it should, for which a run would hold its fire."""
     check = "device numbers"
     pulses = {kind: period_ns for rules in motors.make_rules(config) for kind, period_ns in rules.pulse.items()}
     twice = {f"{frames[0].name} {len(frames) / heard.seconds:.0f}/s instead of {NS_PER_S / period_ns:.0f}/s"
@@ -321,7 +322,8 @@ def check_pulses(config: Config, heard: Heard) -> Finding:
 
 
 def find_hood(config: Config, heard: Heard) -> tuple[protocols.MotorReading, float | None]:
-    """The hood motor's reading, and the elevation by the hood's encoder; None without one that knows its zero."""
+    """Return the hood motor's reading, and the elevation from the hood's encoder; None without one that knows its
+    zero."""
     table, kind = config.hood_encoder, encoder_family_of(config.hood_encoder)
     motor = make_motors(config)[len(config.axes.flywheels)]
     _take_in(motor, heard)
@@ -343,7 +345,7 @@ def _take_in(device: Motor | family.Encoder, heard: Heard) -> None:
 
 
 def check_hood(config: Config, heard: Heard) -> Iterator[Finding]:
-    """Whether limit switch and encoder say the same of where the hood is; nothing where either does not tell."""
+    """Check whether limit switch and encoder agree on the hood's position; no finding if either reports none."""
     check, hood = "hood, switch and encoder", config.hood
     motor, at_deg = find_hood(config, heard)
     if at_deg is None or motor.endstop_t_ns == 0:
@@ -360,7 +362,7 @@ def check_hood(config: Config, heard: Heard) -> Iterator[Finding]:
 
 
 def check_model(gate: GateConfig, path: Path | None) -> Finding:
-    """Whether the model that the policy asks for is there, whole, and made for this robot's contract."""
+    """Check whether the model that the policy requires is present, intact, and made for this robot's contract."""
     check = "gate model"
     if path is None:
         if gate.policy == "model":
@@ -376,7 +378,8 @@ def check_model(gate: GateConfig, path: Path | None) -> Finding:
 
 
 def check_aim(config: Config, path: Path | None) -> Iterator[Finding]:
-    """Whether the aim file that the policy asks for is there, whole, and for this launcher; nothing without one."""
+    """Check whether the aim file that the policy requires is present, intact, and for this launcher; no finding without
+    one."""
     check = "aim file"
     if not aim_file.needs_aim(config):
         if path is not None:
@@ -394,7 +397,7 @@ def check_aim(config: Config, path: Path | None) -> Iterator[Finding]:
 
 
 def check_adapter(can: Can, link: CanLink | None) -> Finding:
-    """The interface itself; `link` is None when the system has none of that name."""
+    """Check the interface itself; `link` is None if the system has none of that name."""
     check = "CAN adapter"
     if can.interface != "socketcan":
         return ok(check, f"{can.interface} {can.channel} is open")
@@ -416,7 +419,7 @@ def check_adapter(can: Can, link: CanLink | None) -> Finding:
 
 
 def check_bitrate(can: Can, link: CanLink | None, heard: Heard) -> Finding:
-    """The bitrate that the interface reports; where it reports none, whether any frame is received."""
+    """Check the interface's bitrate; if it reports none, whether any frame is received."""
     check = "bitrate"
     if link is not None and link.bitrate is not None and link.bitrate != can.bitrate:
         return failure(check, f"{can.channel} runs at {link.bitrate} bit/s, the configuration says {can.bitrate}",
@@ -431,8 +434,7 @@ def check_bitrate(can: Can, link: CanLink | None, heard: Heard) -> Finding:
 
 
 def check_heartbeat_lock(axes: Iterable[family.Axis], heard: Heard) -> Finding:
-    """Whether a competition's robot controller has the say here, now or before: over motors that are not ours to drive
-    it may."""
+    """Check whether a competition's robot controller controls the motors, now or before; for advisory motors it may."""
     check = "heartbeat lock"
     if not any(family_of(axis).is_commanded for axis in axes):
         return ok(check, "every motor is another controller's, and nothing is sent to them")

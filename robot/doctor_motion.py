@@ -47,7 +47,8 @@ MOST_TURNS = 12.0                     # of a wheel: half of WHEEL_SHARE of a fre
 
 
 def plan(config: Config, hood_deg: float | None) -> tuple[Phase, ...]:
-    """The whole motion. hood_deg: where the hood is, None if only homing tells; InputError where nothing can be."""
+    """Return the whole motion. hood_deg: the hood's position, None if only homing can tell; InputError if nothing
+    can."""
     if not all(family_of(axis).is_commanded for _, axis in name_axes(config)):
         raise InputError("--move: motors with driver \"advisory\" are another controller's to move")
     wheel, hood = config.flywheel, config.hood
@@ -76,7 +77,7 @@ def plan(config: Config, hood_deg: float | None) -> tuple[Phase, ...]:
 
 
 def describe(config: Config, program: tuple[Phase, ...]) -> str:
-    """What will move, how far and how fast, for whoever is to allow it."""
+    """Describe what will move, how far and how fast, for the person who must allow it."""
     spin = next(phase for phase in program if phase.kind == sysid.STEP)
     creep, up_deg = next(phase for phase in program if phase.kind == CREEP), sysid.CREEP_UP_DEG
     return (f"wheels: up to {spin.top_rad_s:.0f} rad/s at the motor, with {spin.torque_nm:g} Nm for {SPIN_S:g} s at "
@@ -87,7 +88,7 @@ def describe(config: Config, program: tuple[Phase, ...]) -> str:
 
 
 def rad_per_deg(config: Config) -> float:
-    """How far the hood's motor turns in a degree of elevation, in the middle of its travel."""
+    """Return how far the hood's motor turns per degree of elevation, in the middle of its travel."""
     middle_deg = (config.hood.low_deg + config.hood.high_deg) / 2.0
     return abs(screw_rad(middle_deg + 0.5, config.hood) - screw_rad(middle_deg - 0.5, config.hood))
 
@@ -204,7 +205,7 @@ class SmallMotion:
 
 
 def hood_angle_deg(inputs: Inputs, config: Config) -> float | None:
-    """The elevation by the hood's encoder; None where there is none that knows its zero."""
+    """Return the elevation from the hood's encoder; None without one that knows its zero."""
     zero_deg = config.hood_encoder.zero_deg
     if zero_deg is None or inputs.hood_angle is None or not config.hood_encoder.is_heard:
         return None
@@ -243,7 +244,7 @@ FIRST = "repair first what ended the motion"
 
 
 def check_motion(config: Config, motion: SmallMotion, heard: Heard) -> Iterator[Finding]:
-    """heard: all frames of it."""
+    """Return the findings from the motion; heard: all of its frames."""
     if motion.over is None:
         yield failure("motion", "ended before it was done", DO)
     elif motion.over:
@@ -319,7 +320,8 @@ def _cut_s(rows: Sequence[Row]) -> float | None:
 
 
 def find_lag_s(times: Numbers, speeds: Numbers, cut_s: float) -> float | None:
-    """How long after a torque's end the speed bends, by least squares of two lines; None where it does not."""
+    """Return how long after a torque's end the speed bends, by a least-squares fit of two lines; None if it does
+    not."""
     if not len(speeds) or speeds.max() < STARTED_RAD_S:
         return None
     near = (times > cut_s - 0.3) & (times < cut_s + 0.7) & (speeds > 0.3 * speeds.max())

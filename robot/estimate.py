@@ -23,7 +23,7 @@ JUMP_RAD, JUMP_SHARE = 1.0, 1.5
 
 
 def remember(inputs: Inputs, memory: Memory, config: Config) -> Memory:
-    """Carry over the newest sighting with a target in it, and the screw's zero when the limit switch closes."""
+    """Carry over the newest sighting of the target, and the screw's zero when the limit switch closes."""
     seen = inputs.sighting
     if seen is not None and seen.found:
         memory = replace(memory, last_sighting=replace(seen, corners_px=()),
@@ -111,15 +111,15 @@ def _encoder_deg(inputs: Inputs, memory: Memory, config: Config) -> float | None
 
 
 def is_fresh(inputs: Inputs, t_ns: int, config: Config) -> bool:
-    """Whether a reading stamped `t_ns` is young enough to act on; one never heard (0) is not."""
+    """Return whether a reading stamped `t_ns` is recent enough to act on; one never received (0) is not."""
     return t_ns > 0 and 0 <= (inputs.t_ns - t_ns) * NS <= config.gate.reading_age_s
 
 
 def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
-    """The launcher's state; None where it cannot be known.
+    """Return the launcher's state; None where it cannot be known.
 
-    Where `aim.policy` is "belief", the distance is that of this tick: the newest sighting's, filtered, and what the
-    robot has driven since.
+    If `aim.policy` is "belief", the distance is that of this tick: the newest sighting's, filtered, plus the robot's
+    motion since.
     """
     speeds = [motor.velocity_rad_s for motor in inputs.flywheels]
     mean = sum(speeds) / len(speeds)
@@ -136,7 +136,7 @@ def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
     if memory.track is not UNSET:
         rate = memory.track.rate_m_s
         distance = memory.track.distance_m + rate * (inputs.t_ns - memory.track.t_ns) * NS
-    toward, leftward, bearing = _velocity(inputs, sighting, config)
+    toward, leftward, bearing = _NOT_TOLD if inputs.velocity is UNSET else _velocity(inputs, sighting, config)
     return Estimate(
         motor_rad_s=mean,
         motor_ratio=mean / free if free else 0.0,
@@ -145,19 +145,22 @@ def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
         hood_screw_deg=screw_deg,
         distance_m=distance,
         distance_sigma_m=None if sighting is None else sighting.sigma_m,
-        battery_v=sum(motor.bus_v for motor in inputs.flywheels) / len(inputs.flywheels),
+        battery_v=sum([motor.bus_v for motor in inputs.flywheels]) / len(speeds),
         oldest_s=_oldest_s(inputs, config),
         sighting_s=None if sighting is None else (inputs.t_ns - sighting.t_ns) * NS,
         closing_m_s=rate, toward_m_s=toward, leftward_m_s=leftward, bearing_deg=bearing,
     )
 
 
-def _velocity(inputs: Inputs, sighting: Sighting | None,
-              config: Config) -> tuple[float | UnsetType, float | UnsetType, float | UnsetType]:
+Velocity = tuple[float | UnsetType, float | UnsetType, float | UnsetType]
+_NOT_TOLD: Velocity = (UNSET, UNSET, UNSET)
+
+
+def _velocity(inputs: Inputs, sighting: Sighting | None, config: Config) -> Velocity:
     """(toward the target, to the left of it, bearing of the target in degrees), absent where one is not known."""
     moves = inputs.velocity
     if moves is UNSET or sighting is None or not is_fresh(inputs, moves.t_ns, config):
-        return UNSET, UNSET, UNSET
+        return _NOT_TOLD
     bearing = math.radians(sighting.bearing_deg or 0.0)
     c, s = math.cos(bearing), math.sin(bearing)
     return (c * moves.forward_m_s - s * moves.left_m_s, s * moves.forward_m_s + c * moves.left_m_s,
@@ -165,10 +168,12 @@ def _velocity(inputs: Inputs, sighting: Sighting | None,
 
 
 def _oldest_s(inputs: Inputs, config: Config) -> float:
-    stamps = [motor.t_ns for motor in (*inputs.flywheels, inputs.hood_motor, inputs.feeder)]
+    oldest_ns = min(inputs.hood_motor.t_ns, inputs.feeder.t_ns)
+    for motor in inputs.flywheels:
+        oldest_ns = min(oldest_ns, motor.t_ns)
     if config.hood_encoder.is_heard:
-        stamps.append(inputs.hood_angle.t_ns if inputs.hood_angle else 0)
-    return (inputs.t_ns - min(stamps)) * NS
+        oldest_ns = min(oldest_ns, inputs.hood_angle.t_ns if inputs.hood_angle else 0)
+    return (inputs.t_ns - oldest_ns) * NS
 
 
 HEARTBEAT_S = 0.25                    # axes, and the hood's encoder, say how they are every 0.1 s; two may be lost
@@ -178,7 +183,7 @@ Doubts = tuple[list[Reason], list[Reason], list[Reason]]        # of the wheels,
 
 
 def doubt_axes(inputs: Inputs, config: Config) -> Doubts:
-    """Reasons from missing, stale or faulty readings of the motors and the hood's encoder, by axis."""
+    """Return reasons from missing, stale or faulty readings of the motors and the hood's encoder, by axis."""
     t_ns, gate, axes = inputs.t_ns, config.gate, config.axes
     found: list[Reason] = []
     for number, (axis, motor) in enumerate(zip(axes.flywheels, inputs.flywheels, strict=True), 1):
@@ -191,7 +196,7 @@ def doubt_axes(inputs: Inputs, config: Config) -> Doubts:
 
 
 def doubted_readings(inputs: Inputs, config: Config) -> list[Reason]:
-    """The same in one list."""
+    """Return the same reasons in one list."""
     wheels, hood, feeder = doubt_axes(inputs, config)
     return [*wheels, *hood, *feeder]
 
@@ -201,9 +206,10 @@ def _encoder(angle: AngleReading | None, t_ns: int, config: Config) -> list[Reas
         return [because.DEVICE_NEVER_RECEIVED(device=ENCODER)]
     if not _young(t_ns - angle.t_ns, config.gate.reading_age_s):
         return [because.DEVICE_STALE(device=ENCODER, age_s=(t_ns - angle.t_ns) * NS)]
-    missing = _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S)
+    missing = None if angle.faults_t_ns is UNSET else _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S)
     found = [] if missing is None else [missing]
-    if errors := tuple(encoder_family_of(config.hood_encoder).errors(config.hood_encoder, angle.faults)):
+    if angle.faults and (errors := tuple(encoder_family_of(config.hood_encoder).errors(
+            config.hood_encoder, angle.faults))):
         return [*found, because.MOTOR_ERROR(motor=ENCODER, errors=errors)]
     return found if angle.magnet_ok else [*found, because.MAGNET_LOST()]
 
@@ -220,8 +226,8 @@ def _motor(which: str | int, axis: Axis, motor: MotorReading, t_ns: int, gate: G
     if motor.errors_t_ns is not UNSET and (missing := _no_fault_report(_name(which), motor.errors_t_ns, t_ns,
                                                                        ERRORS_S)):
         found.append(missing)
-    if not (math.isfinite(motor.position_rad) and math.isfinite(motor.velocity_rad_s)
-            and math.isfinite(motor.current_a) and math.isfinite(motor.bus_v)):
+    # one that is not finite leaves no finite sum, nor do numbers beyond all sense
+    if not math.isfinite(motor.position_rad + motor.velocity_rad_s + motor.current_a + motor.bus_v):
         return [*found, because.MOTOR_NOT_FINITE(motor=_name(which))]
     family = family_of(axis)
     if errors := family.errors(axis, motor):
@@ -235,10 +241,8 @@ def _name(which: str | int) -> str:
     return which if isinstance(which, str) else motors.name_wheel(which)
 
 
-def _no_fault_report(device: str, stamp_ns: int | UnsetType, t_ns: int, limit_s: float) -> Reason | None:
-    """Whether a report that must come is missing; None when it has come, and where none must."""
-    if stamp_ns is UNSET:
-        return None
+def _no_fault_report(device: str, stamp_ns: int, t_ns: int, limit_s: float) -> Reason | None:
+    """Whether a report that must come is missing; None when it has come."""
     if stamp_ns == 0:
         return because.DEVICE_FAULTS_NEVER_RECEIVED(device=device)
     if _young(t_ns - stamp_ns, limit_s):

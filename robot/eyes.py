@@ -1,4 +1,4 @@
-"""Sources of sightings and of other programs' readings: the camera with vision, and other programs."""
+"""Sources of sightings and of readings from other programs."""
 
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
@@ -23,17 +23,17 @@ LONGEST_DETAIL = 1000                 # characters, of whatever an error has to 
 
 
 class Eyes(Protocol):
-    """Neither call blocks the tick; both raise LinkLost when the camera is gone."""
+    """A source of sightings. Neither call blocks the tick; both raise LinkLost when the camera is lost."""
 
     def read(self) -> Sighting | None:
-        """What vision made of the newest image, once; None when there is nothing new."""
+        """Return the sighting in the newest image, once; None if there is nothing new."""
 
     def picture(self) -> CameraFrame | None:
-        """The image behind the newest sighting read."""
+        """Return the image behind the newest sighting read."""
 
 
 class NoEyes:
-    """For what needs no target."""
+    """Eyes for a run that needs no target."""
 
     def read(self) -> Sighting | None:
         return None
@@ -43,7 +43,7 @@ class NoEyes:
 
 
 class InlineEyes:
-    """Camera and vision in the caller's own time."""
+    """Camera and vision run in the caller's thread."""
 
     def __init__(self, camera: Camera, see: Callable[[CameraFrame], Sighting]) -> None:
         self._camera, self._see = camera, see
@@ -64,7 +64,7 @@ class InlineEyes:
 
 
 def vision_failed(error: Exception) -> Reason:
-    """Of an image on which vision failed: it does not even know that there is no target."""
+    """Return the sighting for an image on which vision failed: it does not even know that there is no target."""
     return VISION_FAILED(detail=f"{type(error).__name__}: {error}"[:LONGEST_DETAIL])
 
 
@@ -84,7 +84,7 @@ class News(Struct, frozen=True):
 
 
 def make_room(width_px: int, height_px: int) -> Capacity:
-    """What news and images of that size need."""
+    """Return the capacity that news and images of that size need."""
     return Capacity(IMAGES, TEXT_BYTES, 3 * width_px * height_px)
 
 
@@ -94,7 +94,7 @@ def watch(camera: Camera, see: See, slots: Slots, clock: Clock, is_over: Callabl
 
 
 def relay(eyes: Eyes, slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:
-    """Report every sighting of eyes that have no images, likewise."""
+    """Report every sighting of eyes without images, in the same way."""
     _watch(lambda: None if (sighting := eyes.read()) is None else (sighting, None), slots, clock, is_over)
 
 
@@ -115,7 +115,7 @@ def _watch(look: Callable[[], Seen | None], slots: Slots, clock: Clock, is_over:
 
 
 def tell(slots: Slots, why: Reason, told: Reason | None) -> Reason:
-    """Report why there is no image, unless that was the last report; returns the last report."""
+    """Report why there is no image, unless that was the last report; return the last report."""
     if why != told:
         slots.put(msgspec.json.encode(News(None, _shortened(why))))
     return why
@@ -151,7 +151,7 @@ class FarEyes:
         return news.sighting
 
     def picture(self) -> CameraFrame | None:
-        """A copy of the image behind the newest sighting read; None where vision has written over it by now."""
+        """Return a copy of the image behind the newest sighting read; None if vision has overwritten it."""
         image = self._slots.image()
         return None if image is None else CameraFrame(self._seen_ns, image)
 
@@ -170,23 +170,23 @@ Layer = Callable[[RobotIo], RobotIo]
 
 
 class OwnEyes(Eyes, Protocol):
-    """Eyes with a connection of their own, to be closed."""
+    """Eyes that own their connection and close it."""
 
     def close(self) -> None: ...
 
 
 class Source:
-    """What reads one table's data; a subclass overrides what it has. config: one that has the table."""
+    """Reader of one table's data; a subclass overrides what it provides. config: one that has the table."""
 
     def __init__(self, config: schema.Config) -> None:
         self.config = config
 
     def open_eyes(self, clock: Clock) -> OwnEyes | None:
-        """The camera of its `vision`; None without one. In the vision process, where there is one."""
+        """Open the camera of its `vision`; None without one. Runs in the vision process, if there is one."""
         return None
 
     def open_layer(self, wires: ExitStack, is_apart: bool) -> Layer | None:
-        """What adds to the inputs of each tick; None for nothing. In the control process, and never waits.
+        """Open what adds to the inputs of each tick; None for nothing. Runs in the control process, and never waits.
 
         Args:
             wires: Closes what is opened.
@@ -195,7 +195,7 @@ class Source:
         return None
 
     def open_screen(self, gate_path: Path | None, clock: Clock | None) -> Screen | None:
-        """What shows ticks; None for nothing. In the recorder process, where there is one.
+        """Open what shows ticks; None for nothing. Runs in the recorder process, if there is one.
 
         Args:
             gate_path: Model that is asked for the novelty of a shot; None: there is none.
@@ -204,23 +204,23 @@ class Source:
         return None
 
     def findings(self) -> Iterable[Finding]:
-        """What the doctor says of it."""
+        """Return the doctor's findings on it."""
         return ()
 
 
 def sources_of(config: schema.Config) -> tuple[Source, ...]:
-    """One for each table of another distribution."""
+    """Return one source for each table of another distribution."""
     return tuple(named_tables.find_table(name).source(config) for name in config.readings)
 
 
 def open_eyes(config: schema.Config, clock: Clock) -> OwnEyes | None:
-    """The camera that sees instead of [camera]'s; None where there is none."""
+    """Open the camera that replaces [camera]; None if there is none."""
     eyes = (source.open_eyes(clock) for source in sources_of(config))
     return next((one for one in eyes if one is not None), None)
 
 
 def open_their_screens(config: schema.Config, gate_path: Path | None, own_time: bool, clock: Clock) -> Screen | None:
-    """All screens of other distributions as one; own_time: the ticks' time is another than that of `clock`."""
+    """Open all screens of other distributions as one; own_time: the ticks' time differs from that of `clock`."""
     told = None if own_time else clock
     screens = [source.open_screen(gate_path, told) for source in sources_of(config)]
     return Screens([one for one in screens if one is not None]) if any(screens) else None

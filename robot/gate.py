@@ -84,7 +84,7 @@ KEY_PROVENANCE = "truearc.provenance"         # JSON: dataset hashes, coefficien
 
 
 def contract_json() -> bytes:
-    """Canonical text of the contract."""
+    """Return the canonical text of the contract."""
     return msgspec.json.encode({"features": FEATURES, "input": INPUT, "output": OUTPUT, "outputs": OUTPUTS,
                                 "validity": VALIDITY}, order="deterministic")
 
@@ -94,14 +94,14 @@ def contract_hash() -> str:
 
 
 def seal(data: bytes) -> bytes:
-    """The file with its hash in the one place where UNSEALED stands; ValueError when there is not just one."""
+    """Return the file with its hash in the one place where UNSEALED stands; ValueError if there is not exactly one."""
     if data.count(UNSEALED.encode()) != 1:
         raise ValueError("the seal's place is missing or not unique")
     return data.replace(UNSEALED.encode(), hashlib.sha256(data).hexdigest().encode())
 
 
 def is_intact(data: bytes, stamped: str) -> bool:
-    """Whether the file is, apart from the seal, the one that was sealed."""
+    """Return whether the file, apart from the seal, is the one that was sealed."""
     if len(stamped) != len(UNSEALED) or data.count(stamped.encode()) != 1:
         return False
     return hashlib.sha256(data.replace(stamped.encode(), UNSEALED.encode())).hexdigest() == stamped
@@ -122,7 +122,7 @@ def read_metadata(data: bytes) -> dict[str, str]:
 
 
 def check_graph(data: bytes) -> None:
-    """ValueError names what a model does beyond OPERATIONS, or keeps elsewhere."""
+    """Raise ValueError naming what a model does beyond OPERATIONS, or stores elsewhere."""
     if list(_parts(data, MODEL_FUNCTIONS)):
         raise ValueError("it defines its own operations")
     for graph in _parts(data, MODEL_GRAPH):
@@ -218,7 +218,7 @@ BLOCK = 4096                                      # rows handed to the model at 
 
 
 class Gate:
-    """A loaded model. Made by load_gate only, which has checked all that can be checked before the first decision."""
+    """A loaded model, made only by load_gate, which checks all that can be checked before the first decision."""
 
     def __init__(self, session: Any, domain: Box, sha256: str, provenance: dict[str, Any]) -> None:
         self.domain = domain
@@ -247,7 +247,7 @@ class Gate:
                       new if 0.0 <= new <= LARGEST else None)
 
     def rate_many(self, features: Floats) -> Ratings:
-        """As rate, of float64 rows [n, 3] in the contract's order.
+        """Rate float64 rows [n, 3] in the contract's order, as rate does.
 
         A row without a usable p has NaN in both columns and in_domain False.
         """
@@ -287,7 +287,7 @@ def load_gate(path: str | Path) -> Gate:
 
 
 def check_file(path: str | Path, data: bytes) -> dict[str, str]:
-    """The metadata of an intact gate, from its bytes alone; InputError as load_gate."""
+    """Return the metadata of an intact gate, from its bytes alone; InputError as in load_gate."""
     try:
         metadata = read_metadata(data)
     except ValueError as error:
@@ -304,7 +304,7 @@ def check_file(path: str | Path, data: bytes) -> dict[str, str]:
 
 
 def open_gate(path: str | Path, data: bytes, sha256: str) -> Gate:
-    """The gate in those bytes, in this process and however long it takes; InputError as load_gate."""
+    """Load the gate in those bytes, in this process and however long it takes; InputError as in load_gate."""
     metadata = check_file(path, data)
     session, inputs, outputs = _open_session(path, data)
     _check_nodes(path, "input", inputs, {INPUT: len(FEATURES)})
@@ -428,7 +428,7 @@ def try_gate(path: object, data: bytes, sha256: str) -> None:
 
 
 def limit_self(limit_s: int) -> None:
-    """Limit time and data of this process where the system can; its parent may have died."""
+    """Limit the time and data of this process if the system can; its parent may have died."""
     try:
         import resource
     except ImportError:
@@ -439,7 +439,7 @@ def limit_self(limit_s: int) -> None:
 
 
 def main(name: str, limit_s: str) -> int:
-    """The trial's process: load what standard input holds, as the file of that name; 2 with the objection, or 0."""
+    """Run the trial's process: load standard input as the file of that name; return 2 with the error, or 0."""
     limit_self(int(limit_s))
     try:
         gate = open_gate(name, sys.stdin.buffer.read(), "")

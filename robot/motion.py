@@ -78,14 +78,15 @@ class Watch(NamedTuple):
     is_idle: bool = False
     is_short: bool = False            # the hood does not reach its set point, and is not pushed any more
     failures: int = 0                 # of the hood, in a row, in each of which it may have moved unseen
+    deg_per_rad: float = 0.0          # elevation by the hood motor's angle where the hood is; 0: not worked out
 
     def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> MotionMemory:
-        """For the next tick, with the torques that this one has decided on."""
+        """Return the memory for the next tick, with the torques decided in this one."""
         return MotionMemory(self.armed_t_ns, self.active_t_ns, self.is_idle, self.wheels, self.hood,
                             flywheel_torque_nm, hood_torque_nm)
 
     def reasons(self) -> list[Reason]:
-        """Why axes are released, for the verdict."""
+        """Return why axes are released, for the verdict."""
         wheels, hood = self.wheels, self.hood
         if wheels.cause is None and hood.cause is None and not self.is_short and not self.is_idle:
             return []
@@ -97,7 +98,8 @@ class Watch(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """Set points of this tick: of the wheels at the motor, 0 for none; of the hood, None while something else moves it.
+    """Set points of this tick: the motor speed of the wheels, 0 for none; the hood's, None while something else moves
+    it.
 
     `hood_top_rad_s`: highest speed of the hood motor; None for that of `[hood] max_deg_s`.
     """
@@ -109,7 +111,7 @@ class Wanted(NamedTuple):
 
 def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, config: Config,
           doubts: Doubts) -> Watch:
-    """Bring the interlocks up to date with this tick's readings; `doubts` are theirs."""
+    """Update the interlocks with this tick's readings; `doubts` are the doubts about them."""
     if not memory.armed:
         return Watch(FREE, FREE, doubts)
     t_ns = inputs.t_ns
@@ -118,16 +120,20 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
         turning_rad_s = min(motor.velocity_rad_s for motor in inputs.flywheels)
         last = MotionMemory(t_ns, t_ns, wheels=Joint(push_rad_s=turning_rad_s, push_t_ns=t_ns))
     axes, wheels, hood, cause, why = config.axes, last.wheels, last.hood, None, None
+    deg_per_rad = (motors.elevation_per_rad(here_deg(estimate, config.hood), config.hood)
+                   if last.hood_torque_nm else 0.0)
     # another controller's motors are not moved by our torques, nor released by us
-    owns_wheels, owns_hood = any(
-        family_of(axis).is_commanded for axis in axes.flywheels), family_of(axes.hood).is_commanded
+    owns_wheels = any([family_of(axis).is_commanded for axis in axes.flywheels])
+    owns_hood = family_of(axes.hood).is_commanded
     if owns_wheels:
         wheels, cause = _wheels(inputs, wanted.wheels_rad_s, wheels, last.flywheel_torque_nm, config)
     if owns_hood:
-        hood, why = _hood(inputs, estimate, wanted, memory, hood, last.hood_torque_nm, config)
+        top_rad_s = wanted.hood_top_rad_s or (config.hood.max_deg_s / deg_per_rad if deg_per_rad else math.inf)
+        hood, why = _hood(inputs, estimate, wanted.hood_deg, top_rad_s, memory, hood, last.hood_torque_nm, config)
     of_wheels, of_hood, of_feeder = doubts
     everywhere, by_axis = _sorted_faults(inputs) if inputs.faults else (None, _NO_FAULTS)
-    uncounted = t_ns - last.armed_t_ns < START_NS or any(fault.code in STALLS for fault in inputs.faults)
+    uncounted = t_ns - last.armed_t_ns < START_NS or (
+        bool(inputs.faults) and any(fault.code in STALLS for fault in inputs.faults))
     wheels_ready, doubt = _doubt(of_wheels, _is_starting(wheels, t_ns)) if of_wheels else _NO_DOUBT
     if owns_wheels and (doubt or cause or wheels.cause or inputs.faults):
         passing, latching = by_axis[0]
@@ -137,8 +143,10 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     if owns_hood and (doubt or why or hood.cause or switch or inputs.faults):
         passing, latching = by_axis[1]
         hood = _follow(hood, latching or why, everywhere or doubt or switch or passing, t_ns, uncounted)
-    wheels, hood = _taken(wheels, t_ns), _taken(hood, t_ns)
-    hood, failures = _counted(hood, last.hood, memory, config)
+    wheels = wheels if wheels.taken_t_ns or wheels.cause is not None else replace(wheels, taken_t_ns=t_ns)
+    hood = hood if hood.taken_t_ns or hood.cause is not None else replace(hood, taken_t_ns=t_ns)
+    # UNSET is false
+    hood, failures = _counted(hood, last.hood, memory, config) if hood.is_latched or memory.failures else (hood, 0)
     feeder_ready = not of_feeder and by_axis[2] == (None, None)
     seen, idle_s = memory.last_sighting, config.flywheel.idle_s
     active_t_ns = last.active_t_ns
@@ -149,7 +157,8 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     is_short = (hood.dropped_deg is not None and estimate.hood_deg is not None
                 and not abs(estimate.hood_deg - hood.dropped_deg) <= config.hood.tolerance_deg)
     return Watch(wheels, hood, doubts, wheels_ready, hood_ready, feeder_ready, everywhere is None, last.armed_t_ns,
-                 active_t_ns, idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short, failures)
+                 active_t_ns, idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short, failures,
+                 deg_per_rad)
 
 
 # --- faults and doubts
@@ -190,10 +199,6 @@ def _doubt(doubts: list[Reason], starting: bool) -> tuple[bool, Reason | None]:
         if reason.code != because.MOTOR_NOT_DRIVEN.name and not (starting and reason.code == because.MOTOR_ERROR.name):
             return False, reason
     return ready, None
-
-
-def _taken(joint: Joint, t_ns: int) -> Joint:
-    return joint if joint.taken_t_ns or joint.cause is not None else replace(joint, taken_t_ns=t_ns)
 
 
 def _is_starting(joint: Joint, t_ns: int) -> bool:
@@ -290,9 +295,10 @@ def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float,
     """Whether the slower of the wheels' motors answers to a torque that must turn it."""
     full = asked_nm >= FULL * config.flywheel.pid.output_high
     is_hard = full or asked_nm > HARD * config.flywheel.ks_nm > 0.0
-    joint, noisy = _level(joint, slowest, wanted_rad_s, is_hard, FULL_NS if full else PUSH_NS, t_ns, config)
-    if noisy:
-        return joint, because.JOINT_NOT_TURNING(joint=WHEELS, torque_nm=asked_nm)
+    if is_hard or joint.slow_t_ns:
+        joint, noisy = _level(joint, slowest, wanted_rad_s, is_hard, FULL_NS if full else PUSH_NS, t_ns, config)
+        if noisy:
+            return joint, because.JOINT_NOT_TURNING(joint=WHEELS, torque_nm=asked_nm)
     if not is_hard or slowest >= SLOW * wanted_rad_s:
         return (replace(joint, stuck_t_ns=0, hard_t_ns=0) if joint.stuck_t_ns else joint), None
     if not joint.stuck_t_ns or slowest > joint.stuck_at + RISING * wanted_rad_s:
@@ -333,9 +339,9 @@ def _is_driven(inputs: Inputs, config: Config) -> bool:
 
 # --- hood
 
-def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, joint: Joint, asked_nm: float,
-          config: Config) -> tuple[Joint, Reason | None]:
-    """The hood's memory and what is wrong with its motion."""
+def _hood(inputs: Inputs, estimate: Estimate, wanted_deg: float | None, limit_rad_s: float, memory: Memory,
+          joint: Joint, asked_nm: float, config: Config) -> tuple[Joint, Reason | None]:
+    """The hood's memory and what is wrong with its motion; `limit_rad_s`: of its motor's speed, while it is driven."""
     joint, differing = _compared(inputs, estimate, memory, joint, asked_nm, config)
     if joint.cause is not None:
         return joint, None
@@ -344,7 +350,6 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, jo
     if joint.differ >= DIFFERENT:
         return joint, differing
     if joint.push:
-        limit_rad_s = wanted.hood_top_rad_s or hood_limit_rad_s(estimate, config.hood)
         if joint.push * speed > motors.HOOD_OVERSPEED * limit_rad_s:
             return joint, because.JOINT_OVERSPEED(joint=HOOD, speed_rad_s=speed, factor=motors.HOOD_OVERSPEED,
                                                   top_rad_s=limit_rad_s)
@@ -354,8 +359,10 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, jo
     if screw_deg is not None and screw_deg > config.hood.low_deg + SWITCH_OPEN_DEG and motor.endstop and is_fresh(
             inputs, motor.endstop_t_ns, config):
         return joint, because.SWITCH_STUCK(angle_deg=screw_deg)
-    joint, cause = _moving(inputs, wanted.hood_deg, memory, joint, asked_nm, config)
-    return (joint, cause) if cause is not None else _homing(inputs, estimate.hood_deg, memory, joint, asked_nm, config)
+    joint, cause = _moving(inputs, wanted_deg, memory, joint, asked_nm, config)
+    if cause is not None or (memory.homed and not joint.homing_t_ns):
+        return joint, cause
+    return _homing(inputs, estimate.hood_deg, memory, joint, asked_nm, config)
 
 
 def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint, asked_nm: float,
@@ -481,13 +488,8 @@ def _switch_doubt(inputs: Inputs) -> Reason | None:
     return None if 0 <= age_ns <= SWITCH_NS else because.DEVICE_STALE(device=SWITCH, age_s=age_ns * NS)
 
 
-def hood_limit_rad_s(estimate: Estimate, hood: Hood) -> float:
-    """`[hood] max_deg_s` as a speed of the hood's motor."""
-    return hood.max_deg_s / motors.elevation_per_rad(here_deg(estimate, hood), hood)
-
-
 def here_deg(estimate: Estimate, hood: Hood) -> float:
-    """The hood's elevation as far as it is known, within its travel; where it is not, its lower end."""
+    """Return the hood's elevation within its travel; if it is unknown, the lower end."""
     known = estimate.hood_deg if estimate.hood_deg is not None else estimate.hood_screw_deg
     return hood.low_deg if known is None else min(max(known, hood.low_deg), hood.high_deg)
 

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from functools import lru_cache
 
 from truearc.errors import InputError
 from truearc.hw.bus_rules import WINDOW_NS, AllowedBus, MonitoredBus, Rules
@@ -14,17 +15,23 @@ from truearc.robot.config.schema import CameraConfig, Config, Hood
 # --- the hood's screw
 
 def screw_length_m(elevation_deg: float, hood: Hood) -> float:
-    """Distance from the screw motor's pivot to the nut at a launch elevation (law of cosines)."""
-    included = math.radians(hood.included_deg + elevation_deg)
-    a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
-    return math.sqrt(a * a + b * b - 2.0 * a * b * math.cos(included))
+    """Return the distance from the screw motor's pivot to the nut at a launch elevation."""
+    return _side_m(hood.included_deg + elevation_deg, hood.pivot_to_motor_m, hood.pivot_to_nut_m)
+
+
+def _side_m(included_deg: float, a: float, b: float) -> float:
+    return math.sqrt(a * a + b * b - 2.0 * a * b * math.cos(math.radians(included_deg)))     # law of cosines
+
+
+_kept_side_m = lru_cache(8)(_side_m)  # of the lowest elevation, asked for in each tick
 
 
 def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
-    """Launch elevation when the screw motor has turned this far up from the limit switch; None beyond the linkage."""
+    """Return the launch elevation for this turn of the screw motor up from the limit switch; None beyond the
+    linkage."""
     a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
     travel = turned_rad * hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi)
-    length = screw_length_m(hood.low_deg, hood) + travel
+    length = _kept_side_m(hood.included_deg + hood.low_deg, a, b) + travel
     cosine = (a * a + b * b - length * length) / (2.0 * a * b)
     if not -1.0 <= cosine <= 1.0:
         return None
@@ -32,31 +39,31 @@ def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
 
 
 def elevation_per_rad(elevation_deg: float, hood: Hood) -> float:
-    """Degrees of elevation per radian of the screw motor, at a launch elevation."""
+    """Return degrees of elevation per radian of the screw motor, at a launch elevation."""
     included = math.radians(hood.included_deg + elevation_deg)
     lever = hood.pivot_to_motor_m * hood.pivot_to_nut_m * math.sin(included) / screw_length_m(elevation_deg, hood)
     return math.degrees(hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi) / lever)
 
 
 def screw_rad(elevation_deg: float, hood: Hood) -> float:
-    """How far the screw motor has turned up from the limit switch at a launch elevation."""
+    """Return how far the screw motor has turned up from the limit switch at a launch elevation."""
     travel_m = screw_length_m(elevation_deg, hood) - screw_length_m(hood.low_deg, hood)
     return travel_m / (hood.screw_gear * hood.screw_lead_m) * 2.0 * math.pi
 
 
 def screw_travel_rad(hood: Hood) -> float:
-    """How far the screw motor turns from the hood's lowest elevation to its highest."""
+    """Return how far the screw motor turns from the hood's lowest elevation to its highest."""
     return screw_rad(hood.high_deg, hood)
 
 
 def elevation_from_encoder_deg(angle_rad: float, encoder: HoodEncoder, zero_deg: float) -> float:
-    """Launch elevation from the encoder on the hood pivot, in (-180, 180]; zero_deg: its reading where that is 0."""
+    """Return the launch elevation from the encoder on the hood pivot, in (-180, 180]; zero_deg: its reading at 0."""
     turned = (math.degrees(angle_rad) - zero_deg) * encoder.direction
     return 180.0 - (180.0 - turned) % 360.0
 
 
 def exit_distance_m(lens_distance_m: float, camera: CameraConfig) -> float:
-    """Horizontal distance from the ball's exit point to the target plane, given that of the lens."""
+    """Return the horizontal distance from the ball's exit to the target plane, given that from the lens."""
     return lens_distance_m - camera.behind_exit_m
 
 
@@ -68,18 +75,18 @@ HOOD_MOTOR, FEEDER_MOTOR = "hood motor", "feeder motor"
 
 
 def name_axes(config: Config) -> tuple[tuple[str, Axis], ...]:
-    """Every motor axis and what it is called: the flywheels, the hood, the feeder."""
+    """Return every motor axis with its name: the flywheels, the hood, the feeder."""
     wheels = ((name_wheel(number), axis) for number, axis in enumerate(config.axes.flywheels, 1))
     return (*wheels, (HOOD_MOTOR, config.axes.hood), (FEEDER_MOTOR, config.axes.feeder))
 
 
 def name_wheel(number: int) -> str:
-    """What a flywheel's motor is called; they are numbered from 1."""
+    """Return the name of a flywheel's motor; they are numbered from 1."""
     return f"flywheel motor {number}"
 
 
 def make_motors(config: Config) -> tuple[Motor, ...]:
-    """The axes' drivers, in the order of `name_axes`; InputError names two axes that are one device."""
+    """Return the axes' drivers, in the order of `name_axes`; InputError names two axes that are one device."""
     names, axes = zip(*name_axes(config), strict=True)
     made: dict[int, Motor] = {}
     bounds = bound_axes(config)
@@ -97,10 +104,9 @@ def make_motors(config: Config) -> tuple[Motor, ...]:
 
 
 def bound_axes(config: Config) -> tuple[Bounds, ...]:
-    """What each axis never exceeds while all is well, in the order of `name_axes`; the tick's interlocks act before.
+    """Return what each axis never exceeds in normal operation, in the order of `name_axes`; interlocks act earlier.
 
-    Wheels coast, and the hood brakes, when they are let go. Nothing is known of the feeder's speed, nor of how it is
-    best stopped.
+    Wheels coast, and the hood brakes, when released. Nothing is known of the feeder's speed or the best way to stop it.
     """
     wheels, hood = config.flywheel.pid, config.hood
     free_rad_s = config.rig.launcher.free_speed_rad_s
@@ -122,7 +128,7 @@ def _hood_top_rad_s(config: Config) -> float:
 
 
 def around_encoder(config: Config) -> Around:
-    """The part of the configuration beside its own table that the hood's encoder may need."""
+    """Return the part of the configuration, besides its own table, that the hood's encoder may need."""
     return Around(config.gate.reading_age_s, config.readings)
 
 
@@ -132,7 +138,7 @@ SPARE = 1.5                           # a set point is sent once a tick at most,
 
 
 def guard(bus: Bus, config: Config, clock: Clock, tally: Counter[str]) -> Bus:
-    """`bus` with these rules on it: what breaks them is counted in `tally` and is a fault."""
+    """Return `bus` with these rules: a violation is counted in `tally` and is a fault."""
     rules = make_rules(config)
     allowed = [kind for one in rules for kind in one.allowed]
     ours = {(kind.arbitration_id, kind.is_extended, kind.is_remote) for kind in allowed}
@@ -144,7 +150,7 @@ def guard(bus: Bus, config: Config, clock: Clock, tally: Counter[str]) -> Bus:
 
 
 def make_rules(config: Config) -> tuple[Rules, ...]:
-    """Of every device of the launcher."""
+    """Return the rules of every device of the launcher."""
     each_tick = math.ceil(SPARE * config.tick_hz * WINDOW_NS / NS_PER_S) + 1
     encoder = config.hood_encoder
     return (*encoder_family_of(encoder).make_rules(encoder, each_tick),

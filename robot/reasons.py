@@ -1,6 +1,6 @@
 """The codes of the robot's reasons for a HOLD, and the log text of every reason.
 
-Fields and units: truearc.hw.reason.Code.
+Fields and units are described in truearc.hw.reason.Code.
 """
 
 from collections.abc import Iterable
@@ -177,10 +177,10 @@ BOX_GONE = frozenset((BOX_LOST.name, BOX_SILENT.name))
 
 
 def text(reason: Reason) -> str:
-    """The log text of one reason."""
+    """Return the log text of one reason."""
     return render(reason, BY_NAME)
 
 
 def texts(reasons: Iterable[Reason]) -> list[str]:
-    """The log texts of several."""
+    """Return the log texts of several reasons."""
     return [text(reason) for reason in reasons]

@@ -28,9 +28,9 @@ STALL_NS = 500_000_000                # for so long after ticks have stood still
 
 
 class HardwareRig:
-    """Reads devices, writes commands, keeps the tick's time.
+    """Reads devices, writes commands, and keeps the tick's time.
 
-    `over` says, before each tick, whether there will be no more. `encoder`: None for the one of the configuration.
+    `over` tells, before each tick, whether to stop. `encoder`: None for the configuration's own.
     """
 
     def __init__(self, config: Config, bus: hw.Bus, box: hw.Stream, eyes: Eyes, clock: hw.Clock,
@@ -64,7 +64,7 @@ class HardwareRig:
         self._unseen: Reason | None = None        # why the newest image showed no target
 
     def read(self) -> Inputs | None:
-        """Wait for the next tick, then gather what came in since the last one."""
+        """Wait for the next tick, then gather what arrived since the last one."""
         if self._over():
             return None
         period = NS_PER_S // self._config.tick_hz
@@ -90,7 +90,7 @@ class HardwareRig:
                       tuple(self._faults), self._frames, self._unseen, self._missed)
 
     def write(self, command: Command) -> Sent:
-        """Send what each motor needs to do as asked; says what really went out."""
+        """Send each motor its command; return what was really sent."""
         t_ns = self._clock.now_ns()
         command = self._withhold(command, t_ns)
         frames = [] if self._is_lost else list(self._encoder.frames(t_ns))
@@ -105,7 +105,7 @@ class HardwareRig:
         return self._eyes.picture()
 
     def release(self) -> None:
-        """Leave every motor idle; for the end, whatever brought it."""
+        """Leave every motor idle; called at the end, whatever caused it."""
         for motor in self._motors:
             for frame in motor.release():
                 self._send(frame)
@@ -211,7 +211,7 @@ class HardwareRig:
 
 
 class ReplayRig:
-    """Plays recorded inputs; a command is answered by what was sent then."""
+    """Plays recorded inputs; a command returns what was sent when recording."""
 
     def __init__(self, ticks: Iterable[Tick]) -> None:
         self._ticks: Iterator[Tick] = iter(ticks)
@@ -230,9 +230,9 @@ class ReplayRig:
 
 
 class RecordingRig(RigLayer):
-    """A rig whose inputs also say when the recording is in trouble; a fault like any other, so it is a HOLD.
+    """A rig whose inputs also report trouble with the recording; like any fault, it is a HOLD.
 
-    `trouble`: why what is recorded is not reaching the disk; None while it is.
+    `trouble`: why recorded data are not reaching the disk; None while they are.
     """
 
     def __init__(self, rig: RobotIo, trouble: Callable[[], Reason | None]) -> None:

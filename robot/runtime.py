@@ -23,15 +23,15 @@ Think = Callable[[Inputs, Memory, Config, Gate | None], Tick]
 
 
 class RobotIo(Protocol):
-    """Whatever gives inputs and takes commands."""
+    """A source of inputs that takes commands."""
 
     def read(self) -> Inputs | None:
-        """The next tick's inputs, when they are due; None when there will be no more."""
+        """Return the next tick's inputs, when they are due; None when there will be no more."""
 
     def write(self, command: Command) -> Sent: ...
 
     def picture(self) -> CameraFrame | None:
-        """The newest camera image, if this rig has one."""
+        """Return the newest camera image, if this rig has one."""
 
 
 class RigLayer:
@@ -48,7 +48,7 @@ class RigLayer:
 
 
 class Recorder(Protocol):
-    """Whatever keeps ticks. Never blocks the loop."""
+    """A keeper of ticks. Never blocks the loop."""
 
     def record(self, tick: Tick, sent: Sent) -> None: ...
 
@@ -56,7 +56,7 @@ class Recorder(Protocol):
 
 
 def run(rig: RobotIo, config: Config, gate: Gate | None, recorder: Recorder, think: Think = step) -> int:
-    """Run until the rig is over; returns the number of ticks. `think` is what one tick does: launching, if not said."""
+    """Run until the rig is over; return the number of ticks. `think` is what one tick does; by default, launching."""
     memory = Memory()
     ticks = 0
     while (inputs := rig.read()) is not None:
@@ -81,7 +81,7 @@ OpenScreen = Callable[[Clock], Screen | None]     # can be pickled: whichever pr
 
 
 class Screens:
-    """Several as one."""
+    """Several screens as one."""
 
     def __init__(self, screens: Sequence[Screen]) -> None:
         self._screens = screens
@@ -96,7 +96,7 @@ class Screens:
 
 
 def open_screens(openers: Sequence[OpenScreen], clock: Clock) -> Screen | None:
-    """All of those that can be opened; None where there is none."""
+    """Open all screens that can be opened; None if there are none."""
     screens = [screen for screen in (opener(clock) for opener in openers) if screen is not None]
     return Screens(screens) if screens else None
 
@@ -116,7 +116,7 @@ class ShowingRecorder:
 
 
 def with_screen(recorder: Recorder, screen: Screen | None) -> Recorder:
-    """`recorder`, whose ticks are shown if there is a screen."""
+    """Return `recorder`, whose ticks are shown if there is a screen."""
     return recorder if screen is None else ShowingRecorder(recorder, screen)
 
 
@@ -136,13 +136,13 @@ class Second(Struct, frozen=True):
 
 
 class DueRig(RobotIo, Protocol):
-    """A rig that knows how late its newest tick came."""
+    """A rig that knows how late its newest tick was."""
 
     late_ns: int
 
 
 class Lateness:
-    """Counts ticks by how late they came; each second's counts go to `keep`. `period_ns`: from one tick to the next."""
+    """Counts ticks by how late they were; each second's counts go to `keep`. `period_ns`: between ticks."""
 
     def __init__(self, keep: Callable[[Second], None], period_ns: int) -> None:
         self._keep, self._period_ns = keep, period_ns
@@ -152,7 +152,7 @@ class Lateness:
         self._totals, self._worst_of_all_us, self._missed = [0] * len(self._counts), 0.0, 0
 
     def note(self, t_ns: int, late_ns: int) -> None:
-        """One tick at `t_ns` that was due `late_ns` before."""
+        """Count one tick at `t_ns` that was due `late_ns` earlier."""
         if self._began_ns is not None and t_ns - self._began_ns >= NS_PER_S:
             self.close()
         if self._began_ns is None:
@@ -164,7 +164,7 @@ class Lateness:
         self._t_ns = t_ns
 
     def close(self) -> None:
-        """Hand over what has been counted since the last whole second."""
+        """Pass on what has been counted since the last whole second."""
         if self._began_ns is None:
             return
         self._keep(Second(self._t_ns, self._worst_us, AT_MOST_US, tuple(self._counts)))
@@ -186,7 +186,7 @@ class Lateness:
 
 
 class TimedRig(RigLayer):
-    """Passes everything through, and notes how late each tick came; the first one has nothing to be late for."""
+    """Passes everything through, and notes how late each tick was; the first one cannot be late."""
 
     def __init__(self, rig: DueRig, lateness: Lateness) -> None:
         super().__init__(rig)

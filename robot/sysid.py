@@ -1,8 +1,8 @@
-"""System identification: the program of motions for flywheels and hood, and one tick of it.
+"""System identification: the motion program for flywheels and hood, and one tick of it.
 
 The program has quasistatic ramps and dynamic steps, each followed by coasting to rest. Any fault permanently releases
-every motor. The operator arms once; any later button press releases. The tick is pure, like truearc.robot.tick, so a
-replay is exact. Its motion interlocks are those used for launching (truearc.robot.motion).
+every motor. The operator arms them once; any later button press releases them. The tick is pure, like
+truearc.robot.tick, so a replay is exact. Its motion interlocks are those used for launching (truearc.robot.motion).
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ READY_S = 5.0                         # from arming until every axis is under co
 
 
 class Phase(Struct, frozen=True):
-    """One joint, one thing done to it; speeds and torques at the motor."""
+    """One action on one joint; speeds and torques at the motor."""
 
     joint: str
     kind: str
@@ -47,13 +47,13 @@ class Phase(Struct, frozen=True):
     must_turn: bool = False           # a nudge, after which nothing more is tried
 
     def asked_nm(self, since_s: float) -> float:
-        """The torque this long after the phase began."""
+        """Return the torque this long after the phase began."""
         size_nm = min(self.torque_nm, self.rate_nm_s * since_s) if self.rate_nm_s else self.torque_nm
         return self.sign * size_nm
 
 
 def phases(config: Config) -> tuple[Phase, ...]:
-    """The whole program; InputError when [identify] is missing or asks for what the launcher's own limits forbid."""
+    """Return the whole program; InputError if [identify] is missing or exceeds the launcher's own limits."""
     if config.identify is None:
         raise InputError("[identify] is missing from the configuration: it says what may be driven, and how hard")
     wheel, hood = config.identify.flywheel, config.identify.hood
@@ -100,8 +100,8 @@ LIMIT_SHARE = 0.5                     # of the hood's margin: nearer to an end o
 
 def make_step(config: Config,
               program: tuple[Phase, ...] | None = None) -> Callable[[Inputs, Memory, Config, Gate | None], Tick]:
-    """What one tick does, for truearc.robot.runtime.run. program: None for that of [identify]; InputError when the
-    configuration has none."""
+    """Return the function of one tick, for truearc.robot.runtime.run. program: None for that of [identify]; InputError
+    if the configuration has none."""
     program = program or phases(config)
 
     def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None) -> Tick:
@@ -123,7 +123,7 @@ def make_step(config: Config,
 
 
 def say(progress: Progress, program: tuple[Phase, ...]) -> Reason:
-    """Where the program stands, for the operator and the record."""
+    """Describe the state of the program, for the operator and the record."""
     if progress.over is not None:
         return progress.over
     if not progress.since_t_ns:
@@ -190,7 +190,7 @@ def _command(inputs: Inputs, belief: Estimate, progress: Progress, program: tupl
     phase = program[progress.phase]
     asked_nm = phase.asked_nm((inputs.t_ns - progress.since_t_ns) * NS)
     if phase.kind == HOME:
-        asked_nm = home(inputs, belief, watched.hood, config)
+        asked_nm = home(inputs, belief, watched, config)
     elif phase.kind == CREEP and _speed(inputs, belief, phase.joint) * phase.sign >= phase.ends_rad_s:
         asked_nm = 0.0
     return Command(True, True, True, asked_nm if phase.joint == FLYWHEEL else 0.0,

@@ -16,7 +16,7 @@ from truearc.robot.verdict import judge, only_the_model_doubts
 
 
 def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims: Aims = NO_AIMS) -> Tick:
-    """Everything the robot thinks in one tick; `memory` in the result is what the next tick starts from.
+    """Compute one whole tick; `memory` in the result is what the next tick starts from.
 
     aims: the aim files that `aim.policy = "belief"` may use.
     """

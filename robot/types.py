@@ -2,9 +2,9 @@
 
 The whole Tick is the recorded row.
 
-Units are SI and form the last word of each name; `t_ns` is the rig's single monotonic clock. The types are msgspec
-structs rather than dataclasses because a row is written 200 times a second and replayed 10 000 times a second. Absent
-numbers are None, never NaN: JSON has no NaN, and None cannot pass a comparison by accident.
+Units are SI and end each name; `t_ns` is the rig's single monotonic clock. The types are msgspec structs rather than
+dataclasses because a row is written 200 times a second and replayed 10 000 times a second. Absent numbers are None,
+never NaN: JSON has no NaN, and None cannot pass a comparison by accident.
 """
 
 from msgspec import UNSET, Struct, UnsetType, field
@@ -14,7 +14,7 @@ from truearc.hw.reason import Reason
 
 
 class Sighting(Struct, frozen=True):
-    """What vision made of one image. `distance_m`: horizontal, camera lens to target plane."""
+    """The result of vision on one image. `distance_m`: horizontal, camera lens to target plane."""
 
     t_ns: int                                     # middle of the exposure
     found: bool
@@ -27,14 +27,14 @@ class Sighting(Struct, frozen=True):
 
 
 class AimOffer(Struct, frozen=True):
-    """An aim file that waits for the driver to accept it; `note` is what the page says of it."""
+    """An aim file that awaits the driver; `note` is the page's description of it."""
 
     sha256: str
     note: str
 
 
 class RobotVelocity(Struct, frozen=True):
-    """How the robot drives, in its own axes; forward is where the launcher throws."""
+    """The robot's velocity, in its own axes; forward is where the launcher throws."""
 
     t_ns: int
     forward_m_s: float
@@ -42,9 +42,9 @@ class RobotVelocity(Struct, frozen=True):
 
 
 class Inputs(Struct, frozen=True, omit_defaults=True):
-    """All that the tick may know about the outside; a replay needs nothing else.
+    """Everything that the tick may know about the outside; a replay needs nothing else.
 
-    What follows `faults` has defaults, so that recordings from before they were there still say what they said.
+    Fields after `faults` have defaults, so that older recordings keep their meaning.
     """
 
     t_ns: int
@@ -84,7 +84,7 @@ class Estimate(Struct, frozen=True):
 
 
 class Aim(Struct, frozen=True):
-    """Where the launcher should be."""
+    """The target state of the launcher."""
 
     motor_ratio: float
     hood_deg: float
@@ -108,7 +108,7 @@ class Verdict(Struct, frozen=True):
 class Command(Struct, frozen=True):
     """What the tick requests of each axis: released, or driven with a torque.
 
-    Torque at the motor shaft; positive launches (raises the hood). An axis that is not enabled is told to let go.
+    Torque at the motor shaft; positive launches (raises the hood). An axis that is not enabled is released.
     """
 
     enable_flywheel: bool = False
@@ -120,10 +120,10 @@ class Command(Struct, frozen=True):
 
 
 class Sent(Command, frozen=True):
-    """What really went out, after all limits, and how many frames the bus refused.
+    """What was really sent, after all limits, and how many frames the bus refused.
 
-    Of an axis that takes duties the torque is what the duty means; of one that is not driven it is 0. That of the
-    flywheels is the mean over their motors.
+    For an axis that takes duties, the torque is what the duty means; for one that is not driven, it is 0. The
+    flywheels' torque is the mean over their motors.
     """
 
     refused: int = 0
@@ -132,7 +132,7 @@ class Sent(Command, frozen=True):
 
 
 class Joint(Struct, frozen=True, omit_defaults=True):
-    """What the interlocks remember of wheels or hood (truearc.robot.motion); a stamp of 0 means not so.
+    """What the interlocks remember of wheels or hood (truearc.robot.motion); a timestamp of 0 means not set.
 
     Speeds and angles are those of the motor, `deg` the launch elevation.
     """
@@ -173,7 +173,7 @@ class Joint(Struct, frozen=True, omit_defaults=True):
 
 
 class MotionMemory(Struct, frozen=True, omit_defaults=True):
-    """Interlocks of motion of wheels and hood, while armed."""
+    """Motion interlocks of wheels and hood, while armed."""
 
     armed_t_ns: int = 0
     active_t_ns: int = 0                          # a target was in sight or a shot asked for
@@ -194,7 +194,7 @@ class Pid(Struct, frozen=True):
 
 
 class Shot(Struct, frozen=True):
-    """One ball fed, as known at the moment of feeding."""
+    """One fed ball, as known at the moment of feeding."""
 
     trial: int
     t_ns: int
@@ -221,7 +221,7 @@ class Outcome(Struct, frozen=True):
 
 
 class Progress(Struct, frozen=True):
-    """How far `truearc sysid` has come: the phase that runs, since when, and what ended it all."""
+    """The progress of `truearc sysid`: the current phase, its start, and what ended the program."""
 
     phase: int = 0                                # index into truearc.robot.sysid.phases
     since_t_ns: int = 0                           # 0 = the operator has not armed yet
@@ -237,7 +237,7 @@ class Track(Struct, frozen=True):
 
 
 class Watched(Struct, frozen=True):
-    """What advice remembers of a launcher that others drive; a stamp of 0 means never."""
+    """What advice remembers of a launcher that another program drives; a timestamp of 0 means never."""
 
     speed_t_ns: int = 0
     speed_rad_s: float = 0.0                      # of the flywheel motors
@@ -254,7 +254,7 @@ class Watched(Struct, frozen=True):
 
 
 class Count(Struct, frozen=True):
-    """The hood motor's newest reading, where nothing but its count says where the hood is."""
+    """The hood motor's newest reading, if only its count gives the hood's position."""
 
     t_ns: int
     position_rad: float
@@ -262,7 +262,7 @@ class Count(Struct, frozen=True):
 
 
 class Memory(Struct, frozen=True):
-    """All that one tick hands to the next."""
+    """Everything that one tick passes to the next."""
 
     armed: bool = False
     homed: bool = False

@@ -23,9 +23,9 @@ FARTHEST_M = FEATURES[0].high         # no launcher is further from its target
 
 def judge(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config, gate: Gate | None,
           watched: Watch | None = None) -> Verdict:
-    """The verdict of one tick; `reasons` is empty exactly when `fire` is true.
+    """Return the verdict of one tick; `reasons` is empty exactly when `fire` is true.
 
-    watched: the interlocks of motion; None where nothing is driven.
+    watched: the motion interlocks; None if nothing is driven.
     """
     doubts = doubted_readings(inputs, config) if watched is None else itertools.chain(*watched.doubts)
     reasons = [*_operator(memory), *inputs.faults, *([] if watched is None else watched.reasons()),
@@ -38,7 +38,7 @@ def judge(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
 
 
 def only_the_model_doubts(verdict: Verdict) -> bool:
-    """Whether the model is all that stands in the way of firing."""
+    """Return whether only the model prevents firing."""
     return bool(verdict.reasons) and all(reason.code in because.MODEL_DOUBTS for reason in verdict.reasons)
 
 
@@ -73,7 +73,7 @@ def _launcher(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, conf
 
 
 def no_aim(estimate: Estimate, aim: Aim) -> Reason:
-    """Why an aim without a set point has none."""
+    """Return why an aim has no set point."""
     if aim.source == NO_FILE.source:
         return because.AIM_FILE_MISSING()
     if aim.source == BEYOND.source and estimate.distance_m is not None:
@@ -92,7 +92,7 @@ def _hood(estimate: Estimate, aim: Aim, config: Config) -> list[Reason]:
 
 
 def judge_target(inputs: Inputs, estimate: Estimate, config: Config) -> list[Reason]:
-    """Reasons from a distance that is unknown, old or impossible."""
+    """Return reasons from a distance that is unknown, old or impossible."""
     why = {} if inputs.unseen is None else {"cause": inputs.unseen}
     if estimate.distance_m is None or estimate.distance_sigma_m is None or estimate.sighting_s is None:
         return [because.TARGET_NEVER_SEEN(**why)]
@@ -104,7 +104,7 @@ def judge_target(inputs: Inputs, estimate: Estimate, config: Config) -> list[Rea
 
 
 def judge_motion(estimate: Estimate, aim: Aim, config: Config) -> list[Reason]:
-    """Reasons from how the robot drives, where it tells: not known, too fast, no set point for that, no lead taken."""
+    """Return reasons from the robot's motion, if reported: unknown, too fast, no set point for it, no lead taken."""
     asked = config.driving
     if asked is None:
         return []
@@ -122,7 +122,7 @@ def judge_motion(estimate: Estimate, aim: Aim, config: Config) -> list[Reason]:
 
 def judge_model(estimate: Estimate, config: GateConfig,
                 gate: Gate | None) -> tuple[float | None, float | None, list[Reason]]:
-    """(p_two, p_three, reasons from the model): none where the policy is to collect."""
+    """Return (p_two, p_three, reasons from the model); no reasons if the policy is to collect."""
     if gate is None:
         return None, None, [] if config.policy == "collect" else [because.MODEL_MISSING()]
     if estimate.distance_m is None or estimate.hood_deg is None:
@@ -138,7 +138,7 @@ def judge_model(estimate: Estimate, config: GateConfig,
 
 
 def doubt_rating(rating: Rating, threshold: float) -> list[Reason]:
-    """The model's reasons to HOLD, none where it agrees; `threshold`: p_three at least."""
+    """Return the model's reasons to HOLD, none if it agrees; `threshold`: minimum p_three."""
     if not rating.in_domain:
         is_new = rating.novelty is not None and rating.novelty > NOVELTY_LIMIT
         return [because.MODEL_OUTSIDE_DOMAIN(**({"novelty": rating.novelty} if is_new else {}))]

@@ -17,8 +17,10 @@ MIN_COMPILE_S = 0.3                   # code that compiles faster is not kept
 
 
 def each_core(function: Callable[[Job], Result], jobs: Sequence[Job], code: Hashable) -> list[Result]:
-    """The results in the order of the jobs. code: what a job compiles; where that has not been done, the first is done
-    alone, and the others find it."""
+    """Return the results in the order of the jobs.
+
+    code: what a job compiles; if that is not compiled yet, the first job runs alone, and the others reuse the code.
+    """
     alone = 0 if code in _compiled else 1
     first = [function(job) for job in jobs[:alone]]
     _compiled.add(code)
@@ -27,7 +29,8 @@ def each_core(function: Callable[[Job], Result], jobs: Sequence[Job], code: Hash
 
 
 def usable_cores() -> int:
-    """Cores that this process may use; all of the machine's where the system does not say (Windows, macOS)."""
+    """Return the number of cores that this process may use; the machine's if the system does not say (Windows,
+    macOS)."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -41,10 +44,10 @@ if hasattr(os, "register_at_fork"):   # threads do not survive it
 
 
 def keep_compiled() -> None:
-    """Keep compiled code among the user's caches; do nothing where that place cannot be written.
+    """Keep compiled code in the user's cache; do nothing if that is not writable.
 
-    Where the user has chosen a place (JAX_COMPILATION_CACHE_DIR), that one is used. The folder carries the name of the
-    machine, because code of one machine does not run on another.
+    A location that the user has chosen (JAX_COMPILATION_CACHE_DIR) is respected. The folder is named after the machine,
+    because compiled code does not run on another.
     """
     if jax.config.values["jax_compilation_cache_dir"]:
         return

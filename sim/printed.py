@@ -15,7 +15,7 @@ Progress = Callable[[float, str], None]          # share done, 0 to 1; a note
 
 
 def left_out_lines(reasons: Sequence[str]) -> list[str]:
-    """Return a line for each thing that was left out, beyond MOST their number."""
+    """Return a line for each excluded thing; beyond MOST, only their number."""
     more = len(reasons) - MOST
     return [f"left out: {reason}" for reason in reasons[:MOST]] + ([f"left out: {more} more"] if more > 0 else [])
 
@@ -51,5 +51,5 @@ def save_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -
 
 
 def part_of(progress: Progress, begin: float, share: float) -> Progress:
-    """Progress of a part that begins at `begin` and is `share` of the whole."""
+    """Return the progress of a part that begins at `begin` and is `share` of the whole."""
     return lambda done, note: progress(begin + share * done, note)

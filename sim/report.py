@@ -27,9 +27,9 @@ COLOURS = {"three": "#1b7f3b", "two": "#d99000", "miss": "#b3261e"}
 
 
 class Origin(NamedTuple):
-    """Where a page comes from, as its first line states it; "" is left out.
+    """The origin of a page, as its first line states it; "" is omitted.
 
-    made_at: Date and time, ISO 8601. command: As it was typed. sha256: Of the data.
+    made_at: Date and time, ISO 8601. command: As typed. sha256: Of the data.
     """
 
     made_at: str = ""
@@ -67,14 +67,15 @@ def _origin_line(origin: Origin) -> str:
 
 
 def new_figure(width_in: float = 8.0, height_in: float = 3.6) -> Figure:
-    """An empty figure that no display knows of."""
+    """Return an empty figure without a display."""
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def new_panels(width_in: float, height_in: float, rows: int = 1, **layout: Any) -> tuple[Figure, Sequence[Axes]]:
-    """A figure with axes one below the other, framed on the left and below only; layout: as of Figure.subplots."""
+    """Return a figure with axes one below the other, framed on the left and below only; layout: as in
+    Figure.subplots."""
     figure = new_figure(width_in, height_in)
     panels = figure.subplots(rows, 1, squeeze=False, **layout)[:, 0]
     for axes in panels:
@@ -83,14 +84,14 @@ def new_panels(width_in: float, height_in: float, rows: int = 1, **layout: Any) 
 
 
 def make_png(figure: Figure) -> bytes:
-    """The figure as PNG; the same figure gives the same bytes."""
+    """Return the figure as PNG; the same figure gives the same bytes."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
     return buffer.getvalue()
 
 
 def picture(png: bytes | None, alt: str, caption: str = "") -> str:
-    """An image, inline; nothing where there is none."""
+    """Return an inline image; nothing without one."""
     if png is None:
         return ""
     data = base64.b64encode(png).decode("ascii")
@@ -101,7 +102,7 @@ def picture(png: bytes | None, alt: str, caption: str = "") -> str:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A table; numbers are right-aligned, None is a dash."""
+    """Return a table; numbers are right-aligned, None is a dash."""
     head = "".join(f"<th>{html.escape(cell)}</th>" for cell in header)
     body = "".join("<tr>" + "".join(_cell(cell) for cell in row) + "</tr>" for row in rows)
     return f"<div class=\"scroll\"><table><tr>{head}</tr>{body}</table></div>"
@@ -120,7 +121,8 @@ def _cell(cell: Any) -> str:
 
 
 def draw_reliability(p: np.ndarray, level: np.ndarray) -> Figure:
-    """Reliability of both outputs: p [n, 2] (two, three) against level [n] (0 miss, 1 two, 2 three), 95 % intervals."""
+    """Draw reliability of both outputs: p [n, 2] (two, three) against level [n] (0 miss, 1 two, 2 three), 95 %
+    intervals."""
     figure = new_figure(7.5, 3.8)
     for k, axes in enumerate(figure.subplots(1, 2, sharey=True)):
         table = reliability(p[:, k], level >= k + 1)

@@ -1,4 +1,4 @@
-"""Statistics of shots: intervals of shares and means, covariance, and measures of predicted probabilities."""
+"""Statistics of shots: intervals for proportions and means, covariance, and measures of predicted probabilities."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ POINTS_TWO, POINTS_THREE = 2.0, 3.0   # that a ball scores through the outer and
 
 
 def wilson(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:
-    """Wilson score interval of a binomial share (Wilson 1927); (0, 1) when nothing was tried."""
+    """Return the Wilson score interval of a binomial proportion (Wilson 1927); (0, 1) without trials."""
     if trials == 0:
         return 0.0, 1.0
     share = successes / trials
@@ -26,7 +26,7 @@ def wilson(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:
 
 
 def student_half(values: Sequence[float] | np.ndarray) -> float:
-    """Half the width of Student's 95 % interval of the mean of n >= 2 independent values; NaN for fewer."""
+    """Return half the width of Student's 95 % interval of the mean of n >= 2 independent values; NaN for fewer."""
     numbers = np.asarray(values, float)
     if len(numbers) < 2:
         return math.nan
@@ -34,7 +34,7 @@ def student_half(values: Sequence[float] | np.ndarray) -> float:
 
 
 def invert(information: Float[np.ndarray, "P P"]) -> Float[np.ndarray, "P P"]:
-    """Covariance of an information matrix; of one that is not positive definite the pseudo-inverse.
+    """Return the covariance of an information matrix; the pseudo-inverse if it is not positive definite.
 
     By Cholesky, with the diagonal scaled to 1: an eighth of the time of eigenvalues.
     """
@@ -51,7 +51,8 @@ def invert(information: Float[np.ndarray, "P P"]) -> Float[np.ndarray, "P P"]:
 
 
 class Figures(NamedTuple):
-    """Of n shots: shares right at p = 0.5, F1 of the three, mean log score (nats), mean squared and calibration errors.
+    """Figures of n shots: shares right at p = 0.5, F1 of the three, mean log score (nats), mean squared and calibration
+    errors.
 
     `accuracy`: both p on the right side of 0.5. `brier` and `ece`: mean over both outputs.
     """
@@ -76,7 +77,7 @@ class Figures(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Reliability:
-    """One bin of stated probabilities each: mean stated, share that came true, how many; empty bins are left out."""
+    """Bins of stated probabilities: mean stated, observed proportion, count; empty bins are omitted."""
 
     stated: np.ndarray
     came_true: np.ndarray
@@ -84,7 +85,7 @@ class Reliability:
 
 
 def figures_of(p: np.ndarray, level: np.ndarray) -> Figures:
-    """p [n, 2] (two, three) against level [n] (0 miss, 1 two, 2 three)."""
+    """Return the figures of p [n, 2] (two, three) against level [n] (0 miss, 1 two, 2 three)."""
     hit = np.stack([level >= 1, level >= 2], axis=1)
     said = p >= 0.5
     brier = ((p - hit) ** 2).mean(axis=0)
@@ -94,7 +95,7 @@ def figures_of(p: np.ndarray, level: np.ndarray) -> Figures:
 
 
 def log_scores(p: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Log probability [n] of what happened among miss, two, three; p_three above p_two counts as p_two."""
+    """Return the log probability [n] of the outcome among miss, two, three; p_three above p_two counts as p_two."""
     three = np.minimum(p[:, 1], p[:, 0])
     classes = np.maximum(np.stack([1.0 - p[:, 0], p[:, 0] - three, three], axis=1), 1e-9)
     classes /= classes.sum(axis=1, keepdims=True)
@@ -102,7 +103,7 @@ def log_scores(p: np.ndarray, level: np.ndarray) -> np.ndarray:
 
 
 def reliability(stated: np.ndarray, came_true: np.ndarray, bins: int = BINS) -> Reliability:
-    """Stated probabilities [n] in even bins from 0 to 1, against what came true [n]."""
+    """Compare stated probabilities [n], in even bins from 0 to 1, with outcomes [n]."""
     place = np.clip((stated * bins).astype(int), 0, bins - 1)
     count = np.bincount(place, minlength=bins)
     used = count > 0
@@ -111,17 +112,17 @@ def reliability(stated: np.ndarray, came_true: np.ndarray, bins: int = BINS) -> 
 
 
 def calibration_error(stated: np.ndarray, came_true: np.ndarray, bins: int = BINS) -> float:
-    """Mean over shots of |stated - came true| of their bin (expected calibration error)."""
+    """Return the mean over shots of |stated - observed| of their bin (expected calibration error)."""
     table = reliability(stated, came_true, bins)
     return float((table.count * np.abs(table.stated - table.came_true)).sum() / table.count.sum())
 
 
 def accuracy(p: np.ndarray, hit: np.ndarray) -> float:
-    """Share of shots with both p [n, 2] on the right side of 0.5; NaN of none."""
+    """Return the share of shots with both p [n, 2] on the right side of 0.5; NaN without shots."""
     return float(((p >= 0.5) == hit).all(axis=1).mean()) if len(p) else float("nan")
 
 
 def f1(said: np.ndarray, true: np.ndarray) -> float:
-    """F1 of a class: booleans [n], said and true; NaN where it is neither."""
+    """Return F1 of a class from booleans [n], said and true; NaN if neither occurs."""
     both = float((said & true).sum())
     return 2.0 * both / float(said.sum() + true.sum()) if said.any() or true.any() else float("nan")

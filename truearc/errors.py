@@ -43,15 +43,15 @@ class InputError(Exception):
 # --- reading
 
 def load_text(path: str | Path) -> str:
-    """The text of a file in UTF-8, with a byte-order mark or none; InputError names the file and says why it cannot be
+    """Load a UTF-8 text file, with or without a byte-order mark; InputError names the file and says why it cannot be
     read, or that it is too long."""
     with naming(path):
         return load_bytes(path, MAX_TEXT_BYTES).decode("utf-8-sig").replace("\r\n", "\n")
 
 
 def load_bytes(path: str | Path, most: int = MAX_BYTES) -> bytes:
-    """The content of a file; InputError when it is longer than `most` bytes: a device such as /dev/zero has no end, and
-    a pipe may never begin."""
+    """Load a file; InputError if it is longer than `most` bytes: a device such as /dev/zero has no end, and a pipe may
+    never begin."""
     with naming(path):
         if Path(path).exists() and not Path(path).is_file() and not Path(path).is_dir():
             raise InputError(f"{path}: is a pipe or a device, not a file; copy what it gives into a file")
@@ -63,7 +63,7 @@ def load_bytes(path: str | Path, most: int = MAX_BYTES) -> bytes:
 
 
 def parse_table(text: str, name: str) -> dict[str, Any]:
-    """Return what TOML text says; InputError names where it came from, and the line."""
+    """Parse TOML text; InputError names its source and the line."""
     longest = max(map(len, text.splitlines()), default=0)
     if longest > MAX_LINE:
         raise InputError(f"{name}: has a line of {longest} characters; at most {MAX_LINE} are read")
@@ -82,7 +82,7 @@ def parse_table(text: str, name: str) -> dict[str, Any]:
 
 @contextmanager
 def naming(path: str | Path) -> Iterator[None]:
-    """Raise errors of reading, writing and decoding as InputError, with the file in front."""
+    """Raise errors of reading, writing and decoding as InputError, starting with the file."""
     try:
         yield
     except (OSError, csv.Error, *NO_JSON) as error:
@@ -91,7 +91,7 @@ def naming(path: str | Path) -> Iterator[None]:
 
 @contextmanager
 def about(what: str, kind: type[Exception] = InputError) -> Iterator[None]:
-    """Errors of this kind become InputErrors that begin with what they are about."""
+    """Turn errors of this kind into InputErrors that start with their subject."""
     try:
         yield
     except kind as error:
@@ -99,7 +99,7 @@ def about(what: str, kind: type[Exception] = InputError) -> Iterator[None]:
 
 
 def number_in(text: str) -> float:
-    """The number that a cell of a table states; NaN where it states none."""
+    """Return the number in a cell of a table; NaN if there is none."""
     try:
         return float(text)
     except ValueError:
@@ -107,7 +107,7 @@ def number_in(text: str) -> float:
 
 
 def in_words(error: Exception) -> str:
-    """The text of an error without its number and without the file, which our messages name first."""
+    """Return an error's text without its number and the file, which our messages name first."""
     if isinstance(error, OSError):
         return error.strerror or str(error)
     if isinstance(error, RecursionError):
@@ -119,7 +119,7 @@ def in_words(error: Exception) -> str:
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """Yield the path of a file to write beside `path`; it takes the place of that once the block has ended well.
+    """Yield a temporary path beside `path`; the file replaces `path` once the block has ended without an error.
 
     A character device, such as /dev/stdout, is written to as it is, and stays.
 
@@ -147,13 +147,13 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
 
 def save_whole(path: str | Path, data: bytes) -> None:
-    """Write a file by whole_file."""
+    """Write a file with whole_file."""
     with whole_file(path) as new:
         new.write_bytes(data)
 
 
 def check_file(path: str | Path) -> None:
-    """InputError where there is something at `path` that is not a file."""
+    """Raise InputError if there is something at `path` that is not a file."""
     if Path(path).is_dir():
         raise InputError(f"{path}: is a directory; name a file")
     if Path(path).exists() and not Path(path).is_file():
@@ -161,7 +161,7 @@ def check_file(path: str | Path) -> None:
 
 
 def make_toml(table: dict[str, Any], prefix: str = "") -> str:
-    """TOML text of nested tables, lists of tables and plain values; None is left out."""
+    """Return TOML text of nested tables, lists of tables and plain values; None is omitted."""
     plain = {key: value for key, value in table.items() if not isinstance(value, dict) and not _is_tables(value)}
     text = "".join(f"{_key(key)} = {_value(value)}\n" for key, value in plain.items() if value is not None)
     for key, value in table.items():
@@ -196,12 +196,12 @@ def _value(value: Any) -> str:
 # --- what is wrong with a TOML file
 
 def joined(message: str) -> str:
-    """A message with the place of an axis's key behind that of its axis."""
+    """Return a message with the place of an axis's key after that of its axis."""
     return _INNER_PLACE.sub(r" - at `$\2\1`", message)
 
 
 def reworded(message: str, table: Any = None, known: Callable[[str], Iterable[str]] = lambda key: ()) -> str:
-    """msgspec's message in plain words, behind the key that it is about.
+    """Return msgspec's message in plain words, after the key at fault.
 
     table: what was decoded, for the value. known: the values of a key that takes few.
     """
@@ -227,12 +227,12 @@ def reworded(message: str, table: Any = None, known: Callable[[str], Iterable[st
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return `; did you mean ...?` for the nearest of the known words; "" where none is near."""
+    """Return `; did you mean ...?` for the nearest of the known words; "" if none is near."""
     return "".join(f"; did you mean {near}?" for near in get_close_matches(word, list(known), 1))
 
 
 def near_key(key: str, kind: Any, table: Any, struct_of: StructOf = lambda kind, value: struct_in(kind)) -> str:
-    """did_you_mean for a dotted key that a file of the struct `kind`, decoded as `table`, does not have."""
+    """Return did_you_mean for a dotted key that a file of the struct `kind`, decoded as `table`, does not have."""
     *above, name = key.split(".")
     for number, part in enumerate(above, 1):
         types = {one.name: one.type for one in fields(kind)} if kind is not None else {}
@@ -244,7 +244,7 @@ def near_key(key: str, kind: Any, table: Any, struct_of: StructOf = lambda kind,
 def parse_struct(text: str, kind: type[Kind], name: str, dec_hook: Callable[[type, Any], Any] | None = None,
                  struct_of: StructOf = lambda kind, value: struct_in(kind),
                  known: Callable[[str], Iterable[str]] = lambda key: ()) -> Kind:
-    """Decode TOML text that came from somewhere called `name` as a struct.
+    """Decode TOML text as a struct; `name` is its source.
 
     dec_hook: msgspec's, for types that it does not know. struct_of: the struct of a field's table, by its annotation
     and value. known: the values of a key that takes few.
@@ -268,7 +268,8 @@ def parse_struct(text: str, kind: type[Kind], name: str, dec_hook: Callable[[typ
 
 
 def near_tables(table: Any, kind: Any, prefix: str = "") -> str:
-    """`; [PLACE] is unknown; did you mean ...?` for each table that the struct `kind` does not have but nearly has."""
+    """Return `; [PLACE] is unknown; did you mean ...?` for each unknown table with nearly the name of one in the struct
+    `kind`."""
     own, said = {one.encode_name: struct_in(one.type) for one in fields(kind)}, ""
     for name, value in table.items():
         if isinstance(value, dict | list) and name not in own and (near := did_you_mean(name, own)):
@@ -279,7 +280,7 @@ def near_tables(table: Any, kind: Any, prefix: str = "") -> str:
 
 
 def struct_in(annotation: Any) -> Any:
-    """The struct that a field's annotation is about, as in `tuple[Wheel, ...]`; None where there is none."""
+    """Return the struct in a field's annotation, as in `tuple[Wheel, ...]`; None if there is none."""
     inner = (struct_in(part) for part in getattr(annotation, "__args__", ()))
     if isinstance(annotation, type) and issubclass(annotation, Struct):
         return annotation
@@ -287,7 +288,7 @@ def struct_in(annotation: Any) -> Any:
 
 
 def unknown_keys(table: dict[str, Any], kind: Any, prefix: str = "") -> list[str]:
-    """Dotted names in a parsed table that no field of `kind` takes."""
+    """Return dotted names in a parsed table that no field of `kind` takes."""
     known = kind.__annotations__
     names: list[str] = []
     for key, value in table.items():
@@ -303,7 +304,7 @@ def unknown_keys(table: dict[str, Any], kind: Any, prefix: str = "") -> list[str
 
 def missing_keys(table: Mapping[str, Any], kind: Any, prefix: str = "",
                  struct_of: StructOf = lambda kind, value: struct_in(kind)) -> list[str]:
-    """Dotted names of the fields of the struct `kind` without a default that a table lacks, in the struct's order."""
+    """Return dotted names of required fields of the struct `kind` that a table lacks, in the struct's order."""
     names: list[str] = []
     for one in msgspec.structs.fields(kind):
         value, inner = table.get(one.encode_name), struct_in(one.type)
@@ -330,7 +331,8 @@ def _at(table: Any, key: str) -> Any:
 
 
 def line_of(text: str, message: str) -> str:
-    """':line' of the key that the message quotes, in the table that it quotes, else of that table; '' if neither is."""
+    """Return ':line' of the key in the message, in the table that it names, else of that table; '' if neither is
+    found."""
     *names, place = [re.sub(r"\[.*?\]", "", quoted.removeprefix("$").removeprefix("."))
                      for quoted in re.findall(r"`([^`]+)`", message)] or [""]
     table, _, key = place.rpartition(".")
@@ -346,7 +348,7 @@ def line_of(text: str, message: str) -> str:
 
 
 def line_of_key(text: str, key: str) -> str:
-    """':line' of a dotted key, else of its table; '' where several tables have that name, or none has."""
+    """Return ':line' of a dotted key, else of its table; '' if several tables have that name, or none has."""
     table = key.rpartition(".")[0]
     return line_of(text, f"`{key}`") if len(re.findall(rf"(?m)^\s*\[+\s*{re.escape(table)}\s*\]", text)) <= 1 else ""
 
@@ -367,22 +369,22 @@ class PluginError(ValueError):
 
 
 def needs(name: str) -> str:
-    """Say which distribution has one of ELSEWHERE, and how to install it."""
+    """Return which distribution has one of ELSEWHERE, and how to install it."""
     return f"needs {ELSEWHERE[name]}: {INSTALL_HINTS[ELSEWHERE[name]]}"
 
 
 def distribution_of(point: "EntryPoint") -> str:
-    """Name and version of the distribution that declares it."""
+    """Return the name and version of the distribution that declares it."""
     return f"{point.dist.name} {point.dist.version}" if point.dist else "an unknown distribution"
 
 
 def place_of(point: "EntryPoint") -> str:
-    """Distribution, group, name and value, for messages."""
+    """Return distribution, group, name and value, for messages."""
     return f"{distribution_of(point)}: entry point {point.group}: {point.name} = {point.value}"
 
 
 def load_plugin(point: "EntryPoint") -> Any:
-    """Import what the entry point names.
+    """Import the object of the entry point.
 
     Raises:
         PluginError: it cannot be imported, whatever the reason.
@@ -394,7 +396,7 @@ def load_plugin(point: "EntryPoint") -> Any:
 
 
 def only_point(points: "tuple[EntryPoint, ...]", name: str) -> "EntryPoint":
-    """The one entry point of a name.
+    """Return the only entry point of a name.
 
     Raises:
         LookupError: there is none.

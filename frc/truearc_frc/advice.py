@@ -43,8 +43,10 @@ POSSIBLE = {DISTANCE: (FEATURES[0].low, FEATURES[0].high), "hood_deg": (FEATURES
 
 
 class AdviceIo:
-    """Inputs from the keys of a map, `config.tick_hz` times a second; sigma_m: of the robot's own distance, which
-    `camera` measures where there is one; driven: how it drives.
+    """Inputs from the mapped keys, `config.tick_hz` times a second.
+
+    sigma_m: standard deviation of the robot's own distance. camera: measures the distance if given. driven: how the
+    robot drives.
 
     Raises:
         InputError: the map lacks a column that advice needs, or states a unit that is not one of its column.
@@ -177,7 +179,7 @@ _BUTTONS = {"hit": "two", "miss": "miss-low", "low": "miss-low", "high": "miss-h
 
 
 class Scaled:
-    """A key, how its number becomes one of a column, and the lowest and highest of those that can be."""
+    """A key, its conversion to a column's number, and the lowest and highest plausible values."""
 
     def __init__(self, column: str, signal: Signal, free_rad_s: float) -> None:
         self.column, self.key, self.alive, self._signal = column, signal.key, signal.alive, signal
@@ -194,13 +196,13 @@ class Scaled:
 
 
 def scaled_columns(shot_map: ShotMap, config: Config) -> dict[str, Scaled]:
-    """The columns that advice needs, by name; InputError as advised_columns, and for a unit that is none of its."""
+    """Return the columns that advice needs, by name; InputError as advised_columns, and for a wrong unit."""
     free = config.rig.launcher.free_speed_rad_s or math.inf
     return {column: Scaled(column, as_signal(said), free) for column, said in advised_columns(shot_map, config).items()}
 
 
 def advised_columns(shot_map: ShotMap, config: Config) -> dict[str, str | Signal]:
-    """The columns that advice needs, the speed as that of the motors; InputError names one that the map lacks."""
+    """Return the columns that advice needs, with the motors' speed; InputError names one that the map lacks."""
     columns = dict(shot_map.columns)
     speed = next((one for one in columns if one == MOTOR or WHEEL.fullmatch(one)), None)
     if speed is None:
@@ -230,11 +232,11 @@ STALE = {code.name for code in (
 
 
 class NtPublisher:
-    """A screen (truearc.robot.runtime) whose thread alone has to do with the network.
+    """A screen (truearc.robot.runtime) that accesses the network only from its own thread.
 
-    Of the ticks since it last published it takes the newest, but one with a FIRE before any other: that is one tick
-    for each ball. clock: that of the ticks, by which `age_s` is brought up to date; None: time passes otherwise.
-    gate_path: the model that is asked for the novelty; None: there is none.
+    It publishes the newest tick since the last publication, but prefers a tick with FIRE, of which there is one per
+    ball. clock: clock of the ticks, which keeps `age_s` current; None: time passes otherwise. gate_path: the model that
+    computes the novelty; None if there is none.
     """
 
     def __init__(self, config: Config, topics: NtKeys, gate_path: Path | None, clock: Clock | None) -> None:
@@ -246,13 +248,13 @@ class NtPublisher:
         self._thread.start()
 
     def show(self, tick: Tick) -> None:
-        """Keep it for the thread."""
+        """Keep the tick for the thread."""
         with self._swap:
             if self._tick is None or tick.verdict.fire or not self._tick.verdict.fire:
                 self._tick = tick
 
     def close(self) -> None:
-        """End the thread, and the connection."""
+        """End the thread and the connection."""
         self._over.set()
         self._thread.join()
         self._topics.close()
@@ -299,7 +301,7 @@ class Adviser:
 
 
 def advice_of(tick: Tick, config: Config, gate: Gate | None) -> dict[str, float | str | tuple[str, ...]]:
-    """Return the values to publish of a tick; NaN: not known.
+    """Return the values to publish for a tick; NaN: not known.
 
     verdict: FIRE, HOLD, or STALE where a key is missing or old; age_s: of the oldest key. hood_deg, wheel_rad_s (of the
     motors), correction, lead_deg (to the left of the target): the aim file's, NaN and 0 where it has none; without one

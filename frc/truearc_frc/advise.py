@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Return 0 when a signal ended it, its recording complete; with --check 1 if any check failed."""
+    """Return 0 when a signal ended it with a complete recording; with --check, 1 if any check failed."""
     from truearc_frc.advise_session import advise, check
     if args.check:
         refuse(args, ("--gate", "--aim", "--belief", "--rig"), "does not apply with --check: nothing is advised")

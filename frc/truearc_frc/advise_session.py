@@ -32,13 +32,14 @@ from truearc_frc.table import LISTEN_S, nt4_of
 
 
 def check(args: argparse.Namespace) -> int:
-    """Print what the doctor says of the robot's keys; 1 if any is a failure. args: those of `truearc advise`."""
+    """Print the doctor's findings on the robot's keys; return 1 if any is a failure. args: those of `truearc
+    advise`."""
     return report([*look_beside(load_config(args.config), args.nt, load_map(args.map),
                                 args.seconds or LISTEN_S)], args.json)
 
 
 def advise(args: argparse.Namespace) -> tuple[int, Path]:
-    """(ticks, the session's folder); args: those of `truearc advise`."""
+    """Return (ticks, session directory); args: those of `truearc advise`."""
     shot_map = load_map(args.map)
     config = advising(load_config(args.config), args)
     advised_columns(shot_map, config)             # refuses a map that lacks one, before there is a folder
@@ -75,8 +76,8 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
 
 
 def advising(config: Config, args: argparse.Namespace) -> Config:
-    """The configuration that the session keeps: rate and limits as asked, the gate obeyed, set points by an aim file
-    where there is one."""
+    """Return the configuration that the session keeps: the requested rate and limits, the gate obeyed, and set points
+    from an aim file if there is one."""
     gate = replace(config.gate, policy="model", reading_age_s=args.fresh, sighting_age_s=args.fresh)
     rig = config.rig if args.rig is None else _load_rig(args.rig)
     aim = AimConfig("belief", 0.0) if args.aim or args.belief else config.aim
@@ -84,7 +85,7 @@ def advising(config: Config, args: argparse.Namespace) -> Config:
 
 
 def keys_of(shot_map: ShotMap) -> list[str]:
-    """Every key that a map names."""
+    """Return every key that a map names."""
     feed = [] if shot_map.shots.feed is None else [shot_map.shots.feed]
     signals = [as_signal(one) for one in (*shot_map.columns.values(), *feed)]
     keys = [key for one in signals for key in (one.key, one.alive) if key]

@@ -1,4 +1,4 @@
-"""Doctor checks of the robot's NetworkTables: server, keys, clocks, and a camera that sees tags."""
+"""Doctor checks for the robot's NetworkTables: server, keys, clocks, and whether a camera sees tags."""
 
 import math
 from collections import Counter
@@ -24,10 +24,10 @@ SERVER, CLOCKS, TAGS = "NetworkTables server", "NetworkTables clocks", "camera f
 
 
 class HeardKeys(NamedTuple):
-    """What came in `seconds`.
+    """The values received in `seconds`.
 
-    newest: each key that was there at the end. changes: how often each did. ahead_s: by how much a stamp was ahead of
-    our clock at most. offsets_s: the server's clock less ours, as often as it was measured.
+    newest: each key that was present at the end. changes: how often each changed. ahead_s: the most by which a
+    timestamp was ahead of our clock. offsets_s: the server's clock minus ours, for each measurement.
     """
 
     seconds: float
@@ -39,7 +39,7 @@ class HeardKeys(NamedTuple):
 
 
 def keys_wanted(config: Config) -> tuple[list[str], list[str]]:
-    """Keys that [nt4] names: those that must change, and those that may stand still."""
+    """Return the keys that [nt4] names: those that must change, and those that may stay constant."""
     nt4 = nt4_of(config)
     if nt4 is None:
         return [], []
@@ -56,8 +56,11 @@ def keys_wanted(config: Config) -> tuple[list[str], list[str]]:
 
 def check_network(server: str, lively: Sequence[str], still: Sequence[str], heard: HeardKeys,
                   columns: Iterable[Scaled] = (), texts: Collection[str] = ()) -> Iterator[Finding]:
-    """Server, each key, clocks. lively: keys that must change; still: keys that must be there. columns: those whose
-    values have bounds; texts: keys that may be no number."""
+    """Check the server, each key and the clocks.
+
+    lively: keys that must change. still: keys that must be present. columns: keys whose values have bounds. texts: keys
+    that need not be numbers.
+    """
     if not heard.is_connected:
         yield failure(SERVER, f"{server} does not answer", "is the robot on, its program running, this computer in its "
                       "network? Give its team number or address")
@@ -111,7 +114,8 @@ def _check_clocks(heard: HeardKeys) -> Finding:
 
 
 def check_tags(config: Config, newest: Mapping[str, Reading]) -> Iterator[Finding]:
-    """Whether the camera that sees tags is calibrated; nothing where none is to. newest: keys that were read."""
+    """Check whether the camera that sees tags is calibrated; no finding without such a camera. newest: the keys
+    read."""
     nt4 = nt4_of(config)
     vision = None if nt4 is None else nt4.vision
     if vision is None:
@@ -126,14 +130,14 @@ def check_tags(config: Config, newest: Mapping[str, Reading]) -> Iterator[Findin
 
 
 def look_at_server(config: Config) -> Iterator[Finding]:
-    """As [nt4] says, with its camera for tags."""
+    """Check the server as [nt4] specifies, including its camera for tags."""
     nt4 = nt4_of(config)
     assert nt4 is not None
     yield from _listen_and_check(config, nt4.server, *keys_wanted(config), seconds=LISTEN_S)
 
 
 def look_beside(config: Config, server: str, shot_map: ShotMap, seconds: float) -> Iterator[Finding]:
-    """At the keys that `truearc advise` reads by a map."""
+    """Check the keys that `truearc advise` reads by a map."""
     columns = [*scaled_columns(shot_map, config).values()]
     quiet = [as_signal(said).key for said in (shot_map.shots.feed, shot_map.outcome.key) if said]
     seen, still = keys_wanted(config)
@@ -160,7 +164,7 @@ def _listen_and_check(config: Config, server: str, lively: Sequence[str], still:
 
 
 def hear(keys: NtKeys, clock: Clock, seconds: float) -> HeardKeys:
-    """Wait for the server, then read every key for so long."""
+    """Wait for the server, then read every key for the given time."""
     began_ns = clock.now_ns()
     while not keys.connected and clock.now_ns() - began_ns < CONNECT_S * NS_PER_S:
         clock.sleep_until_ns(clock.now_ns() + LOOK_NS)

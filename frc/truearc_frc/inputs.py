@@ -1,11 +1,11 @@
 """Launcher inputs read from the robot's NetworkTables: camera, velocity and hood angle.
 
 PhotonVision (table /photonvision/NAME): `targetPose` is the transform from camera to tag (x forward, y left, z up; a
-struct, before 2025 an array), `latencyMillis` the time from exposure to publication. Limelight (table /NAME):
-`targetpose_cameraspace` has x right, y down, z forward, `cl` + `tl` is the latency in ms, and `stddevs` begins with the
-standard deviations of MegaTag 1 along the field's x and y. Sources: PhotonVision's NTTopicSet and NTDataPublisher;
-Limelight's complete NetworkTables API. If the control loop has a process of its own, another process reads the velocity
-keys, so that the tick never accesses a network.
+struct, or an array before 2025), and `latencyMillis` is the time from exposure to publication. Limelight (table /NAME):
+`targetpose_cameraspace` has x right, y down and z forward. The latency in ms is `cl` + `tl`, and `stddevs` begins with
+the standard deviations of MegaTag 1 along the field's x and y. Sources: PhotonVision's NTTopicSet and NTDataPublisher;
+Limelight's complete NetworkTables API. If the control loop has its own process, another process reads the velocity
+keys, so that the tick never accesses the network.
 """
 
 import math
@@ -53,7 +53,7 @@ class Names(NamedTuple):
 
 
 def names_of_camera(vision: Nt4Vision) -> Names:
-    """The keys that are read of a camera."""
+    """Return the keys that are read for a camera."""
     table = vision.camera.strip("/")
     if vision.kind == "photonvision":
         table = f"/photonvision/{table.removeprefix('photonvision/')}"
@@ -63,7 +63,7 @@ def names_of_camera(vision: Nt4Vision) -> Names:
 
 
 def keys_of_camera(vision: Nt4Vision) -> list[str]:
-    """Those keys, a part of an array each its own."""
+    """Return those keys, with each array element as a separate key."""
     names = names_of_camera(vision)
     parts = [_part(names.pose, place) for place in range(3)]
     parts += [_part(names.stddevs, place) for place in range(MEGATAG_1) if names.stddevs]
@@ -71,7 +71,7 @@ def keys_of_camera(vision: Nt4Vision) -> list[str]:
 
 
 def calibration_key(vision: Nt4Vision) -> str | None:
-    """A key that is there where the camera is calibrated; None: it tells nothing of that."""
+    """Return a key that is present if the camera is calibrated; None if none tells."""
     names = names_of_camera(vision)
     return f"{names.pose.rpartition('/')[0]}/cameraIntrinsics/0" if vision.kind == "photonvision" else None
 
@@ -79,10 +79,10 @@ def calibration_key(vision: Nt4Vision) -> str | None:
 class NtCamera:
     """truearc.robot.eyes.Eyes on keys; neither call waits for the network.
 
-    A distance is horizontal, from the lens to the tag and [apriltag] behind_m more, as that of an image. A tag that is
-    not the target's, or whose height contradicts the camera's mounting, does not count. Both raise LinkLost for a key
-    that is missing or has an impossible value, for a place that changes while the heartbeat stands still, and for half
-    a second after a distance that jumped.
+    A distance is horizontal, from the lens to [apriltag] behind_m beyond the tag, as for an image. Tags that are not
+    the target's, or whose height contradicts the camera's mounting, are ignored. Both calls raise LinkLost for a key
+    that is missing or has an impossible value, for a position that changes while the heartbeat does not, and for half a
+    second after a distance that jumped.
     """
 
     def __init__(self, config: Config, keys: Keys, clock: Clock) -> None:
@@ -106,7 +106,7 @@ class NtCamera:
         return None
 
     def sight(self, found: Mapping[str, Reading]) -> Sighting | None:
-        """What these readings say that is new."""
+        """Return the new sighting in these readings."""
         told = {key: self._take(found, key) for key in self._needed}
         seen, alive = told[self._names.seen], told[self._names.alive]
         latency_s = 1e-3 * sum(float(told[key].value) for key in self._names.latency)
@@ -179,7 +179,7 @@ class NtCamera:
 
 
 class OwnNtCamera(NtCamera):
-    """With a connection of its own, to be closed."""
+    """An NtCamera that owns its connection and closes it."""
 
     def __init__(self, config: Config, clock: Clock) -> None:
         nt4 = nt4_of(config)
@@ -206,14 +206,15 @@ ROOM = Capacity(4, 256)
 
 
 def keys_of_velocity(velocity: Nt4Velocity) -> list[str]:
-    """Keys that are read, a part of an array its own."""
+    """Return the keys that are read, with each array element as a separate key."""
     return [f"{velocity.key}/0", f"{velocity.key}/1", *filter(None, [velocity.heading, velocity.alive])]
 
 
 class NtVelocity:
-    """Velocity on keys: none where one is missing or not finite, and for half a second after one that jumped.
+    """Velocity from keys: none if one is missing or not finite, and for half a second after one that jumped.
 
-    It is as old as its oldest part; with `alive`, as that key: then a velocity or a heading may stand still.
+    It is as old as its oldest part; with `alive`, it is as old as that key, so that a velocity or heading may stay
+    constant.
     """
 
     def __init__(self, config: Config, keys: Keys, clock: Clock) -> None:
@@ -227,7 +228,7 @@ class NtVelocity:
         return self.take(self._keys.read(self._clock.now_ns())) if self._keys.connected else None
 
     def take(self, found: Mapping[str, Reading]) -> RobotVelocity | None:
-        """What these readings say."""
+        """Return the velocity in these readings."""
         keys = keys_of_velocity(self._asked)
         readings = [found[key] for key in keys if key in found]
         numbers = [one.value for one in readings if not isinstance(one.value, str)]
@@ -255,7 +256,7 @@ class NtVelocity:
 
 
 class OwnNtVelocity(NtVelocity):
-    """With a connection of its own, to be closed."""
+    """An NtVelocity that owns its connection and closes it."""
 
     def __init__(self, config: Config, clock: Clock) -> None:
         nt4 = nt4_of(config)
@@ -268,7 +269,7 @@ class OwnNtVelocity(NtVelocity):
 
 
 def tell_velocity(velocity: NtVelocity, slots: Slots, is_over: Callable[[float], bool]) -> None:
-    """Tell of every change, until `is_over`, which is asked how long to wait for that."""
+    """Report every change until `is_over`, which is called with the time to wait."""
     told: RobotVelocity | None = None
     while not is_over(LOOK_S):
         newest = velocity.read()
@@ -278,7 +279,7 @@ def tell_velocity(velocity: NtVelocity, slots: Slots, is_over: Callable[[float],
 
 
 class FarVelocity:
-    """The velocity that another process tells; one that has died leaves an old stamp."""
+    """The velocity reported by another process; if that process dies, its timestamp becomes old."""
 
     def __init__(self, slots: Slots) -> None:
         self._slots = slots
@@ -293,7 +294,7 @@ class FarVelocity:
 
 
 class MovingRig(RigLayer):
-    """A rig whose inputs also say how the robot drives."""
+    """A rig whose inputs include the robot's motion."""
 
     def __init__(self, rig: RobotIo, velocity: "NtVelocity | FarVelocity") -> None:
         super().__init__(rig)
@@ -305,7 +306,8 @@ class MovingRig(RigLayer):
 
 
 def open_moving(config: Config, wires: ExitStack, is_apart: bool) -> Callable[[RobotIo], RobotIo]:
-    """What makes a rig whose inputs say how the robot drives; `wires` closes it. is_apart: by a process of its own."""
+    """Return a factory of rigs whose inputs include the robot's motion; `wires` closes it. is_apart: in a separate
+    process."""
     if not is_apart:
         own = OwnNtVelocity(config, MonotonicClock())
         wires.callback(own.close)
@@ -335,7 +337,7 @@ LOOK_NS, STEP_NS = 2000 * MS, 5 * MS  # that the doctor waits for the server
 
 
 class NtEncoder(Encoder):
-    """The newest value of a key; its stamp is when it was published, so one that stays away grows old."""
+    """The newest value of a key, stamped when it was published, so that a missing value grows old."""
 
     def __init__(self, table: ReadEncoder, keys: Keys) -> None:
         self._key, self._deg, self._keys = table.key, DEGREES[table.unit], keys
@@ -357,7 +359,7 @@ class NtEncoder(Encoder):
 
 
 def examine(table: ReadEncoder, around: Around, heard: Heard) -> Iterator[Finding]:
-    """Whether the server is there, has the key, and publishes it often enough."""
+    """Check whether the server is there, has the key, and publishes it often enough."""
     try:
         keys = NtKeys(around.readings[NAME]["server"], [table.key])
     except InputError as error:

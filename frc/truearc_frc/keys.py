@@ -24,14 +24,14 @@ STRUCTS = {"Rotation2d": 1, "Translation2d": 2, "Translation3d": 3, "Pose2d": 3,
 
 
 class Reading(NamedTuple):
-    """Newest value of a key, a number (a boolean is 1 or 0) or a text, and when it changed, on our clock."""
+    """Newest value of a key, a number (a boolean is 1 or 0) or text, and when it changed, on our clock."""
 
     t_ns: int
     value: float | str
 
 
 class Keys(Protocol):
-    """Where keys come from; nothing waits."""
+    """Source of keys; nothing waits."""
 
     @property
     def connected(self) -> bool: ...
@@ -67,7 +67,7 @@ class NtKeys:
         return bool(self._instance.isConnected())
 
     def read(self, now_ns: int) -> Mapping[str, Reading]:
-        """Every key that is there; now_ns: our clock."""
+        """Return every key that is present; now_ns: our clock."""
         now_us = self._now()
         found = {}
         for key, subscribers in self._subscribed.items():
@@ -87,19 +87,19 @@ class NtKeys:
 
     @property
     def offset_s(self) -> float | None:
-        """The server's clock less that of this library; None while it is not known."""
+        """Return the server's clock minus this library's; None while unknown."""
         offset_us = self._instance.getServerTimeOffset()
         return None if offset_us is None else offset_us * 1e-6
 
     def ahead_s(self) -> float:
-        """By how much the newest stamp is ahead of our clock; at most 0 where none is."""
+        """Return by how much the newest timestamp is ahead of our clock; at most 0 if none is."""
         now_us = self._now()
         stamps = [subscriber.get().time() for subscribers in self._subscribed.values() for subscriber in subscribers
                   if subscriber.exists()]
         return (max(stamps) - now_us) * 1e-6 if stamps else -math.inf
 
     def publish(self, values: Mapping[str, float | str | Sequence[str]]) -> None:
-        """Put values under /truearc/, and send them at once."""
+        """Put values under /truearc/ and send them at once."""
         for name, value in values.items():
             if name not in self._publishers:
                 self._publishers[name] = self._publisher(OURS + name, value)
@@ -107,7 +107,7 @@ class NtKeys:
         self._instance.flush()
 
     def close(self) -> None:
-        """Stop; what was published goes with the connection."""
+        """Stop; published values disappear with the connection."""
         self._publishers.clear()
         self._subscribed.clear()
         self._instance.stopClient()
@@ -121,7 +121,7 @@ class NtKeys:
 
 
 def parse_server(server: str) -> tuple[int, str, int]:
-    """server_parts; InputError where it is neither a team number nor HOST[:PORT]."""
+    """Return server_parts; InputError if `server` is neither a team number nor HOST[:PORT]."""
     parts = server_parts(server)
     if parts is None:
         raise InputError(f"NetworkTables: {server!r} is not a robot: {EXPECTED}")
@@ -129,8 +129,11 @@ def parse_server(server: str) -> tuple[int, str, int]:
 
 
 def names_of(key: str) -> list[str]:
-    """Topics that a map's key may be: of the log's name without NT:, and where AdvantageKit publishes it; a key
-    `/Name/0` may also be a part of an array or of a struct of doubles, or a bit of an integer (its lowest is 0)."""
+    """Return topics that a map's key may be: the log's name without NT:, and where AdvantageKit publishes it.
+
+    A key `/Name/0` may also be an element of an array or of a struct of doubles, or a bit of an integer (its lowest is
+    0).
+    """
     plain = "/" + key.removeprefix("NT:").lstrip("/")
     array = [plain.rpartition("/")[0]] if plain.rpartition("/")[2].isdigit() else []
     return [name for one in (plain, *array) for name in (one, OLDER + one)]

@@ -18,7 +18,7 @@ from truearc_frc.table import NAME, Nt4, nt4_errors, nt4_of
 
 
 class NtSource(Source):
-    """Everything that `truearc run` reads from the robot's NetworkTables server, and publishes there."""
+    """Everything that `truearc run` reads from the robot's NetworkTables server and publishes there."""
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)

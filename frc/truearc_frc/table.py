@@ -28,9 +28,9 @@ LIMITS = (
 
 
 class Nt4Vision(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """A camera that sees tags for us. [camera] says how it is mounted, [apriltag] which tags count, and their height.
+    """An external camera that sees tags. [camera] gives its mounting; [apriltag] gives the valid tags and their height.
 
-    A distance's standard deviation is made of all of these, and of what the camera states itself.
+    The standard deviation of a distance combines all of these and what the camera itself reports.
     """
 
     kind: Literal["photonvision", "limelight"]
@@ -40,7 +40,7 @@ class Nt4Vision(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=T
 
 
 class Nt4Velocity(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """How the robot drives, for shots on the move; forward is where the launcher throws and the camera looks."""
+    """The robot's velocity, for shots on the move; forward is where the launcher throws and the camera looks."""
 
     key: str                          # struct ChassisSpeeds, or an array that begins with forward and left, m/s
     most_m_s: Positive                # faster: HOLD
@@ -53,7 +53,7 @@ class Nt4Velocity(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
 
 
 class Nt4(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Where `truearc run` publishes what `truearc advise` does, and what it reads."""
+    """Where `truearc run` publishes the values of `truearc advise`, and what it reads."""
 
     server: str                       # team number, or host[:port]
     vision: Nt4Vision | None = None
@@ -61,7 +61,8 @@ class Nt4(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
 
 
 def server_parts(server: str) -> tuple[int, str, int] | None:
-    """(team number, host, port) of TEAM or HOST[:PORT]; team 0: a host; port 0: the usual one. None: it is neither."""
+    """Return (team number, host, port) of TEAM or HOST[:PORT]; team 0: a host; port 0: the default port. None if it is
+    neither."""
     if TEAM.fullmatch(server):
         return int(server), "", 0
     host, colon, port = server.partition(":")
@@ -71,17 +72,17 @@ def server_parts(server: str) -> tuple[int, str, int] | None:
 
 
 def nt4_of(config: Config) -> Nt4 | None:
-    """The table of a configuration; None where it has none."""
+    """Return the table of a configuration; None if it has none."""
     return msgspec.convert(config.readings[NAME], Nt4) if NAME in config.readings else None
 
 
 def with_nt4(config: Config, nt4: Nt4) -> Config:
-    """The configuration with this table."""
+    """Return the configuration with this table."""
     return replace(config, readings={**config.readings, NAME: stated(nt4)})
 
 
 def nt4_errors(nt4: Nt4, config: Config) -> Iterator[tuple[str, str]]:
-    """Key and objection of each value that cannot be; config: all other tables."""
+    """Return the key and error of each invalid value; config: all other tables."""
     yield from out_of_range(SimpleNamespace(nt4=nt4), LIMITS)
     if server_parts(nt4.server) is None:
         yield "nt4.server", f"{nt4.server!r} is not a robot: {EXPECTED}"

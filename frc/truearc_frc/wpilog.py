@@ -45,27 +45,28 @@ class WpilogWriter:
         file.write(b"WPILOG" + struct.pack("<H", 0x0100) + _text(header))
 
     def start(self, name: str, kind: str, metadata: str, t_us: int) -> int:
-        """Announce a signal of one of the kinds of TYPES; returns its number."""
+        """Declare a signal of one of the kinds of TYPES; return its number."""
         self._signals += 1
         self.append(CONTROL, t_us, struct.pack("<BI", START, self._signals)
                     + _text(name) + _text(TYPES[kind]) + _text(metadata))
         return self._signals
 
     def start_pose(self, name: str, metadata: str, t_us: int) -> int:
-        """Announce a signal of poses, and how they are laid out."""
+        """Declare a signal of poses and their layout."""
         for struct_name, fields in STRUCTS.items():
             self.append(self.start(f"/.schema/struct:{struct_name}", SCHEMA, "", t_us), t_us, fields.encode())
         return self.start(name, POSE, metadata, t_us)
 
     def append(self, signal: int, t_us: int, payload: bytes) -> None:
-        """One value, as `make_payload` made it; of signal 0 an announcement."""
+        """Append one value from `make_payload`, or a declaration for signal 0."""
         parts = [_shortest(signal), _shortest(len(payload)), _shortest(t_us)]
         sizes = len(parts[0]) - 1 | (len(parts[1]) - 1) << 2 | (len(parts[2]) - 1) << 4
         self._file.write(bytes([sizes]) + b"".join(parts) + payload)
 
 
 def write_wpilog(rows: ExportRows, file: IO[bytes]) -> None:
-    """Every signal when it changes, under /estimate/hood_deg and the like, and each trial as JSON under /trial.
+    """Write every signal when it changes, under /estimate/hood_deg and the like, and each trial as JSON under
+    /trial.
 
     Beside them, under the names that AdvantageScope knows: `DS:enabled` (armed), `systemTime` (wall clock, once), and
     `/pose`, a Pose2d of the robot before the target (truearc.robot.recording.export).
@@ -122,7 +123,8 @@ def _log_trial(log: WpilogWriter, signal: int, trial: Trial) -> None:
 
 
 def make_payload(kind: str, value: Value) -> bytes | None:
-    """The bytes of one value. An absent number is NaN, an absent text or list empty; None for what cannot be absent."""
+    """Return the bytes of one value. A missing number is NaN, a missing text or list empty; None if it cannot be
+    missing."""
     if kind == FLOAT:
         return struct.pack("<d", float("nan") if value is None else value)
     if kind == INT:
@@ -156,7 +158,8 @@ DOUBLES = {"struct:Rotation2d": ("value",), "struct:Translation2d": ("x", "y"),
 
 
 def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: None) -> "Log":
-    """Every signal of numbers, booleans or texts, and the parts of arrays (`name/0`), JSON and WPILib's plane structs.
+    """Read every signal of numbers, booleans or texts, and the parts of arrays (`name/0`), JSON and WPILib's plane
+    structs.
 
     Raises:
         InputError: there is no such file, or it is not a WPILOG.

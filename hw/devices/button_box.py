@@ -29,7 +29,7 @@ _LINE = re.compile(rb"(?:B,(0|[1-9]\d{0,4}),([a-z-]+)|H,(0|[1-9]\d{0,4}))\*([0-9
 
 
 class BoxHeartbeat(Struct, frozen=True):
-    """The box is there; `seq` is that of its newest press."""
+    """A heartbeat of the box; `seq` is the number of its newest press."""
 
     t_ns: int
     seq: int
@@ -39,27 +39,27 @@ BoxEvent = ButtonEvent | BoxHeartbeat
 
 
 def make_press(seq: int, button: str) -> bytes:
-    """The line for one press; ValueError for an unknown button."""
+    """Return the line for one press; ValueError for an unknown button."""
     if button not in BUTTONS:
         raise ValueError(f"no button {button!r}; there are {', '.join(BUTTONS)}")
     return _make(f"B,{seq % SEQ_COUNT},{button}")
 
 
 def make_heartbeat(seq: int) -> bytes:
-    """The line for one heartbeat; `seq` is that of the newest press."""
+    """Return the line for one heartbeat; `seq` is the number of the newest press."""
     return _make(f"H,{seq % SEQ_COUNT}")
 
 
 def lost_presses(previous_seq: int, seq: int) -> int:
-    """How many presses are missing between two sequence numbers; `seq` is of a press."""
+    """Return how many presses are missing between two sequence numbers; `seq` belongs to a press."""
     return (seq - previous_seq - 1) % SEQ_COUNT
 
 
 def parse_lines(pending: bytes, data: bytes, t_ns: int) -> tuple[list[BoxEvent], bytes, list[Reason]]:
-    """Events in `pending + data`, the rest to hand in next time, and at most one fault.
+    """Return the events in `pending + data`, the remainder to pass next time, and at most one fault.
 
-    `pending` is the rest of the previous call (empty at first); `t_ns` stamps every event. Garbage gives faults, never
-    an exception and never an event, and the rest is never longer than a line.
+    `pending` is the remainder of the previous call (initially empty); `t_ns` stamps every event. Garbage gives faults,
+    never an exception or an event, and the remainder is never longer than a line.
     """
     *lines, rest = (pending + data).split(b"\n")
     events: list[BoxEvent] = []
@@ -107,10 +107,10 @@ def _crc(text: bytes) -> int:
 
 
 class PressCount:
-    """Keeps the number of the newest press that was heard.
+    """Tracks the number of the newest press received.
 
-    The same button under the same number again is the same press, but only for as long as a box is never silent: after
-    that it could be the first press of a box that was without power.
+    The same button with the same number is the same press, but only within the longest silence of a live box: after
+    that it could be the first press of a box that lost power.
     """
 
     def __init__(self) -> None:
@@ -118,10 +118,8 @@ class PressCount:
         self._press: ButtonEvent | None = None
 
     def take(self, events: Sequence[BoxEvent]) -> tuple[list[ButtonEvent], list[Reason], Reason | None]:
-        """The presses among what the box has said, what is wrong with their numbers, and by what presses may be lost.
-
-        The last is the newest such fault; None: there is none.
-        """
+        """Return the new presses, what is wrong with their numbers, and the newest fault that suggests lost presses (or
+        None)."""
         presses: list[ButtonEvent] = []
         faults: list[Reason] = []
         twice = 0
@@ -151,7 +149,7 @@ class PressCount:
 # --- the emulated box
 
 class ButtonBox:
-    """The box: counts presses, and says every half second that it is there."""
+    """The emulated box: it counts presses and sends a heartbeat every half second."""
 
     def __init__(self, cable: Cable, start_ns: int = 0) -> None:
         self.port = cable.port
@@ -160,18 +158,18 @@ class ButtonBox:
         self._due_ns = start_ns
 
     def press(self, button: str) -> None:
-        """One press of a button, at once; ValueError for an unknown one. Nothing is said once unplugged."""
+        """Press a button at once; ValueError for an unknown one. Nothing is sent once unplugged."""
         self._seq = (self._seq + 1) % SEQ_COUNT
         self._say(make_press(self._seq, button))
 
     def step(self, t_ns: int) -> None:
-        """Say the heartbeat that is due by `t_ns`; those missed meanwhile are skipped."""
+        """Send the heartbeat that is due by `t_ns`; missed ones are skipped."""
         if t_ns >= self._due_ns:
             self._due_ns += HEARTBEAT_NS * (1 + (t_ns - self._due_ns) // HEARTBEAT_NS)
             self._say(make_heartbeat(self._seq))
 
     def unplug(self) -> None:
-        """Pull the cable out, for good; the robot's next read says so."""
+        """Unplug the cable for good; the robot's next read reports it."""
         if self._cable is not None:
             self._cable.close()
             self._cable = None
@@ -182,5 +180,5 @@ class ButtonBox:
 
 
 def open_button_box(prompt: bool = True) -> ButtonBox:
-    """A box on a cable; `prompt` as truearc.hw.emulated.serial_link.open_cable has it."""
+    """Open a box on a cable; `prompt` as in truearc.hw.emulated.serial_link.open_cable."""
     return ButtonBox(open_cable(prompt))

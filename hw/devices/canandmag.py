@@ -35,41 +35,41 @@ def fault_words(faults: int) -> tuple[str, ...]:
 
 
 def name_of(device: int) -> str:
-    """The device as messages name it."""
+    """Return the device's name as used in messages."""
     return f"canandmag device {device}"
 
 
 def frame_id(device: int, message: str) -> int:
-    """Arbitration id (29 bits) of one of the encoder's messages."""
+    """Return the arbitration id (29 bits) of one of the encoder's messages."""
     return load_codec("canandmag").base_id(message) + device
 
 
 def frame_ids(device: int) -> tuple[int, ...]:
-    """Arbitration ids of the frames that `parse` understands; the angle's comes first."""
+    """Return the arbitration ids of the frames that `parse` understands; the angle's comes first."""
     return tuple(frame_id(device, message) for message in MESSAGES)
 
 
 def ids_sent_by(device: int, node: str) -> tuple[int, ...]:
-    """Arbitration ids (29 bits) of all frames about it that the "Encoder" or a "Host" sends, by the DBC file."""
+    """Return the arbitration ids (29 bits) of all frames that the "Encoder" or a "Host" sends, from the DBC file."""
     return tuple(frame_id(device, message) for message in load_codec("canandmag").sent_by(node))
 
 
 def make_position_period(device: int, period_ms: int) -> Frame:
-    """Ask for an angle every `period_ms` (1-65535) until the next power-down."""
+    """Request an angle every `period_ms` (1-65535) until the next power-down."""
     if not 1 <= period_ms <= 65535:
         raise BadFrame(fault_codes.PERIOD_RANGE(device=name_of(device), period_ms=period_ms))
     return make(device, "SET_SETTING", {"setting": POSITION_PERIOD_SETTING, "value": period_ms, "ephemeral": 1})
 
 
 def make_period_query(device: int) -> Frame:
-    """Ask for that period; the answer is a REPORT_SETTING frame."""
+    """Query that period; the answer is a REPORT_SETTING frame."""
     return make(device, "SETTING_COMMAND", {"command": FETCH_ONE, "setting": POSITION_PERIOD_SETTING})
 
 
 def parse(device: int, frame: Frame, previous: AngleReading | None) -> AngleReading | None:
-    """`previous` brought up to date by one frame; None until the first angle. Angle in [0, 2 pi), the device's sign.
+    """Return `previous` updated by one frame; None until the first angle. Angle in [0, 2 pi), with the device's sign.
 
-    BadFrame: wrong length, or an id that is not among `frame_ids(device)`.
+    BadFrame: wrong length, or an id that is not in `frame_ids(device)`.
     """
     if frame.is_remote:
         return previous
@@ -89,7 +89,7 @@ def parse(device: int, frame: Frame, previous: AngleReading | None) -> AngleRead
 
 
 def make(device: int, message: str, values: Values) -> Frame:
-    """One of the messages about this encoder, whichever node of the DBC file sends it."""
+    """Return one of the messages about this encoder, whichever node of the DBC file sends it."""
     return Frame(0, frame_id(device, message), load_codec("canandmag").make(message, values), is_extended=True)
 
 
@@ -104,10 +104,10 @@ RELATIVE_COUNTS = 1 << 31                         # the count is 32 bits, signed
 
 
 class CanandmagNode(ReportingNode):
-    """The encoder on the hood's pivot.
+    """The emulated encoder on the hood's pivot.
 
-    `zero_deg`: what it reads when the launch elevation is 0; `direction`: +1 if the reading grows with elevation.
-    `magnet_ok` may be set by whoever wants the magnet to fall off.
+    `zero_deg`: its reading at launch elevation 0; `direction`: +1 if the reading grows with elevation. Set `magnet_ok`
+    to False to emulate a magnet that has fallen off.
     """
 
     def __init__(self, device: int, plant: Plant, zero_deg: float, direction: int) -> None:
@@ -118,7 +118,7 @@ class CanandmagNode(ReportingNode):
         self.restart(0)
 
     def restart(self, t_ns: int) -> None:
-        """Power is back: an ephemeral period is forgotten, and the count of turns starts at 0 again."""
+        """Restore power: a temporary period is forgotten, and the count of turns restarts at 0."""
         self._sticky = POWER_CYCLE
         self._start_counts = self._counts()
         self._position = Report(POSITION_PERIOD_NS, t_ns, self._make_position)
@@ -130,7 +130,7 @@ class CanandmagNode(ReportingNode):
                      for name in ("SETTING_COMMAND", "SET_SETTING", "CLEAR_STICKY_FAULTS"))
 
     def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
-        """Take a setting, or forget sticky faults; a malformed frame is ignored and counted."""
+        """Apply a setting or clear sticky faults; a malformed frame is ignored and counted."""
         if frame.is_remote:
             return []
         if frame.arbitration_id == frame_id(self._device, "CLEAR_STICKY_FAULTS"):
@@ -185,7 +185,8 @@ class CanandmagNode(ReportingNode):
 
 
 def make_rules(device: int, period_ms: int) -> bus_rules.Rules:
-    """`period_ms`: between angles, as the device is set at start; 0: nothing is sent, its cadence is another's."""
+    """Return the rules. `period_ms`: between angles, as set at start; 0: nothing is sent, another host sets the
+    rate."""
     by_host, by_device = (bus_rules.kinds_of(ids_sent_by(device, node), True) for node in ("Host", "Encoder"))
     if not period_ms:
         return bus_rules.Rules((), by_host, by_device, {(frame_id(device, "STATUS"), True, False): STATUS_PERIOD_NS})
@@ -198,9 +199,9 @@ ENOUGH = 3                            # angles within the age that may still fir
 
 
 def check_encoder(device: int, period_ms: int, longest_age_s: float, heard: family.Heard) -> Finding:
-    """Whether the angle comes, often enough, from a healthy device. Its position is not filtered in the device.
+    """Check that a healthy device sends the angle often enough. The device does not filter its position.
 
-    period_ms: between angles, as configured. longest_age_s: of an angle that may still fire.
+    period_ms: between angles, as configured. longest_age_s: of an angle that still permits firing.
     """
     ids = frame_ids(device)
     start: AngleReading | None = None
@@ -234,9 +235,9 @@ class CanandmagConfig(Struct, family.HoodEncoder, frozen=True, forbid_unknown_fi
 
 
 class CanandmagEncoder(Encoder):
-    """The device, whose period is set once there is a bus, and which is asked for it once a second.
+    """The encoder, whose period is set once the bus is available and queried once a second.
 
-    Its readings are older by the time that an answer takes; of one that is not to be sent anything that is not known.
+    Its readings are older by the device's answer time; if nothing may be sent to it, that time is unknown.
     """
 
     def __init__(self, table: CanandmagConfig) -> None:
@@ -272,7 +273,7 @@ class CanandmagEncoder(Encoder):
 
 
 def errors(table: CanandmagConfig, faults: int) -> tuple[reason.Reason, ...]:
-    """Another with its number: the angle may be the other's."""
+    """Report another device with the same number: the angle may be the other's."""
     return (fault_codes.ERROR_ID_CONFLICT(),) if faults & ID_CONFLICT else ()
 
 

@@ -50,7 +50,7 @@ class _Told(NamedTuple):
 
 
 class Agreement:
-    """Whether a motor's position has gone with its speed."""
+    """Check that a motor's position agrees with its speed."""
 
     def __init__(self, lag_s: float) -> None:
         self._lag_s = lag_s
@@ -62,7 +62,7 @@ class Agreement:
         self._jump: tuple[int, float, float] | None = None       # when, from which speed, to which
 
     def take(self, before: MotorReading, reading: MotorReading) -> None:
-        """One reading and the one before it."""
+        """Take one reading and its predecessor."""
         if reading.t_ns != before.t_ns:
             gap_ns = max(reading.t_ns - before.t_ns, JUMP_LEAST_NS)
             if before.t_ns and not abs(reading.velocity_rad_s - before.velocity_rad_s) <= JUMP_RAD_S2 * gap_ns * 1e-9:
@@ -78,7 +78,7 @@ class Agreement:
             self._follow(reading)
 
     def fault(self, controller: str, reading: MotorReading) -> Reason | None:
-        """None for an encoder that goes with its motor; `controller` names what reports it."""
+        """Return None for an encoder that agrees with its motor; `controller` names what reports it."""
         if self._still_ns and reading.t_ns - self._still_ns >= STILL_NS:
             return codes.ENCODER_STUCK(controller=controller, speed_rad_s=reading.velocity_rad_s)
         if self._differ is not None and reading.t_ns - self._differ_ns >= LASTS_NS:
@@ -118,9 +118,9 @@ class Agreement:
 
 
 def is_byte_swapped(values: Iterable[bytes]) -> bool:
-    """Whether 32-bit floats are big-endian: read so, an encoder may mean each; little-endian, most are not usual.
+    """Return whether 32-bit floats are big-endian: plausible if read so, and mostly implausible if read little-endian.
 
-    A float's exponent is where the other order has the end of its mantissa, which is 0 or anything.
+    A float's exponent is where the other byte order has the end of the mantissa, which is 0 or arbitrary.
     """
     told = [value for value in values if len(value) == 4 and any(value)]
     odd = sum(not _is_between("<f", value, USUAL_TURNS) for value in told)
@@ -148,9 +148,10 @@ SILENT_NS = 30_000 * MS
 
 
 class RoundTrip:
-    """Questions to one device, once a second, and how long the answers take.
+    """Queries to one device, once a second, and its answer times.
 
-    device: as messages name it, such as "odrive node 1". `late_ns`: by which its readings are older than they look.
+    device: its name in messages, such as "odrive node 1". `late_ns`: by how much its readings are older than they
+    appear.
     """
 
     def __init__(self, device: str) -> None:
@@ -167,7 +168,7 @@ class RoundTrip:
         self._doubted_ns = 0          # a long time that has not been confirmed; 0: none
 
     def tick(self, t_ns: int) -> None:
-        """Once a tick, at the time that is recorded of it, before anything is sent."""
+        """Call once a tick, with the tick's recorded time, before anything is sent."""
         self._tick_ns = t_ns
         if t_ns >= self._due_ns:
             self.is_due = True
@@ -175,7 +176,7 @@ class RoundTrip:
                 self.is_timely = False
 
     def asked(self) -> None:
-        """The question is sent in this tick; its time is the tick's, which is recorded, and a little earlier."""
+        """Note that the query is sent in this tick, with the tick's recorded time, which is slightly early."""
         t_ns = self._tick_ns
         if self._heard_ns is None:
             self._heard_ns = t_ns
@@ -185,7 +186,7 @@ class RoundTrip:
         self._asked_ns, self._due_ns = t_ns, t_ns + UNANSWERED_NS[self._turn]
 
     def answered(self, t_ns: int) -> int:
-        """An answer came at `t_ns`; by how much `late_ns` has changed."""
+        """Take an answer at `t_ns`; return the change of `late_ns`."""
         if self._heard_ns is None:
             return 0                  # to another host
         was_open, self.is_open, self._heard_ns = self.is_open, False, t_ns
@@ -211,7 +212,7 @@ class RoundTrip:
         return self.late_ns - before_ns
 
     def fault(self) -> Reason | None:
-        """Why the device's readings may not be acted on; None while they may."""
+        """Return why the device's readings cannot be trusted; None while they can."""
         if self.is_timely:
             return None
         if not self.is_measured or self._heard_ns is None:
@@ -228,9 +229,9 @@ STAMPS = ("t_ns", "heartbeat_t_ns", "current_t_ns", "bus_t_ns", "endstop_t_ns", 
 
 
 class HeardMotor:
-    """A truearc.hw.protocols.Motor that sends no frame, whatever torque it is given.
+    """A truearc.hw.protocols.Motor that sends no frames, whatever torque it is given.
 
-    device: as messages name it, such as "odrive node 1". frame_ids: of the frames that `parse` understands.
+    device: its name in messages, such as "odrive node 1". frame_ids: the frames that `parse` understands.
     """
 
     _lag_s = LAG_S                    # by which its filter may report a changing speed late
@@ -263,7 +264,7 @@ class HeardMotor:
 
 
 class AskedMotor(HeardMotor):
-    """One that answers `question`, a remote frame, once a second: its readings are older by the time that this takes.
+    """A motor that sends the remote frame `question` once a second; its readings are older by the answer time.
 
     `faults` is called before `order` in each tick, at the tick's own time.
     """
@@ -298,14 +299,14 @@ class AskedMotor(HeardMotor):
 
 
 def older(frame: Frame, late_ns: int) -> Frame:
-    """A device's data frame, stamped when it was sent by a device whose frames come so late."""
+    """Return a device's data frame, stamped with when it was sent, given that the device's frames arrive this late."""
     return Frame(frame.t_ns - late_ns, frame.arbitration_id, frame.data, frame.is_extended)
 
 
 # --- torque and duty
 
 class DcMotor(Struct, frozen=True):
-    """Data sheet values of a motor, at the shaft that the torques are of."""
+    """Data sheet values of a motor, at the shaft to which the torques refer."""
 
     stall_torque_nm: float
     free_speed_rad_s: float
@@ -313,11 +314,11 @@ class DcMotor(Struct, frozen=True):
 
 
 def duty_for(motor: DcMotor, torque_nm: float, velocity_rad_s: float, bus_v: float) -> float:
-    """The duty that gives this torque now, or the nearest there is in [-1, 1]; `bus_v` must be above 0."""
+    """Return the duty that gives this torque now, or the nearest in [-1, 1]; `bus_v` must be above 0."""
     share = torque_nm / motor.stall_torque_nm + velocity_rad_s / motor.free_speed_rad_s
     return min(max(share * motor.rated_v / bus_v, -1.0), 1.0)
 
 
 def torque_of(motor: DcMotor, duty: float, velocity_rad_s: float, bus_v: float) -> float:
-    """The torque, in Nm, that a duty gives; the inverse of `duty_for` where that did not have to give in."""
+    """Return the torque, in Nm, that a duty gives; the inverse of `duty_for` unless that was clipped."""
     return motor.stall_torque_nm * (duty * bus_v / motor.rated_v - velocity_rad_s / motor.free_speed_rad_s)

@@ -23,7 +23,7 @@ OK, WARNING, FAILURE = "ok", "warning", "failure"
 
 
 class Finding(Struct, frozen=True):
-    """One line: what was looked at, how it is, and what to do about it (empty when it is well)."""
+    """One line: what was checked, its state, and what to do about it (empty if it is fine)."""
 
     check: str
     level: str                        # OK, WARNING (it runs, with something less) or FAILURE (it will not run well)
@@ -44,7 +44,7 @@ def failure(check: str, says: str, do: str) -> Finding:
 
 
 def line(finding: Finding) -> str:
-    """The finding as it is printed; a failure is in capitals."""
+    """Return the finding as it is printed; a failure is in capitals."""
     level = finding.level.upper() if finding.level == FAILURE else finding.level
     return f"{level:8s} {finding.check}: {finding.says}" + (f" -> {finding.do}" if finding.do else "")
 
@@ -78,15 +78,11 @@ class HoodEncoder:
 
     __slots__ = ()
     __struct_config__: ClassVar[Any]
-
-    @property
-    def is_heard(self) -> bool:
-        """Whether there is one. If not, the hood's angle is the count of its screw since homing."""
-        return True
+    is_heard: ClassVar[bool] = True   # there is one; if not, the hood's angle is the count of its screw since homing
 
     @property
     def zero_deg(self) -> float | None:
-        """Its reading where the launch elevation is 0; None: it counts from 0, and homing tells."""
+        """Its reading at launch elevation 0; None: it counts from 0, and homing determines it."""
         return 0.0
 
     @property
@@ -96,15 +92,15 @@ class HoodEncoder:
 
 
 def driver_of(axis: Axis | HoodEncoder) -> str:
-    """The `driver` of the table."""
+    """Return the `driver` of the table."""
     return str(axis.__struct_config__.tag or getattr(axis, "driver"))  # noqa: B009
 
 
 class Bounds(NamedTuple):
-    """Of one axis, at the motor's shaft, from the rest of the configuration; None: nothing is known of it.
+    """Bounds of one axis, at the motor's shaft, from the rest of the configuration; None: unknown.
 
-    top_rad_s, top_nm: speed and torque that it never passes while all is well.
-    brakes: whether it is to brake when it is let go, rather than coast.
+    top_rad_s, top_nm: the largest speed and torque in normal operation.
+    brakes: whether it brakes when released, rather than coasts.
     """
 
     top_rad_s: float | None = None
@@ -113,12 +109,12 @@ class Bounds(NamedTuple):
 
 
 def speed_limit_rad_s(bounds: Bounds) -> float | None:
-    """The controller's own limit; None where the axis has none."""
+    """Return the controller's own limit; None if the axis has none."""
     return None if bounds.top_rad_s is None else SPEED_SPARE * bounds.top_rad_s
 
 
 def current_limit_a(bounds: Bounds, torque_nm_a: float) -> float | None:
-    """The controller's own limit, of a motor that gives so much torque per A; None where that is 0, for unknown."""
+    """Return the controller's own limit for a motor with this torque per A; None if that is 0, for unknown."""
     if bounds.top_nm is None or not torque_nm_a:
         return None
     asked_a = CURRENT_SPARE * bounds.top_nm / torque_nm_a
@@ -136,24 +132,24 @@ ASKED_AT = (0.0, 0.25, 0.6)           # share of the time listened; uneven, so t
 
 
 class Heard(NamedTuple):
-    """Everything that the bus carried in `seconds`, and what it was asked, stamped when it was."""
+    """Everything that the bus carried in `seconds`, and the queries sent, with timestamps."""
 
     frames: tuple[Frame, ...]
     seconds: float
     asked: tuple[Frame, ...] = ()
 
     def of(self, frame_id: int, extended: bool = False) -> list[Frame]:
-        """Devices' frames with one id, oldest first."""
+        """Return devices' frames with one id, oldest first."""
         return [frame for frame in self.frames
                 if frame.arbitration_id == frame_id and frame.is_extended == extended and not frame.is_remote]
 
     def answering(self, question: Frame) -> int:
-        """How many devices answer a remote frame."""
+        """Return how many devices answer a remote frame."""
         answers = len(self.of(question.arbitration_id, question.is_extended))
         return math.ceil(answers / max(1, len(self._askings(question))))
 
     def answer_s(self, question: Frame) -> float | None:
-        """How long the answer to a remote frame takes, the median of all askings; None without any answer."""
+        """Return the median time of the answers to a remote frame; None without any answer."""
         came_ns = [frame.t_ns for frame in self.of(question.arbitration_id, question.is_extended)]
         took_ns = [min(later) - asked_ns for asked_ns in self._askings(question)
                    if (later := [t_ns for t_ns in came_ns if t_ns >= asked_ns])]
@@ -164,7 +160,7 @@ class Heard(NamedTuple):
 
     def read(self, keys: Iterable[tuple[int, bool]], parse: Callable[[Frame, Reading], Reading],
              reading: Reading) -> tuple[Reading, list[BadFrame]]:
-        """`reading` brought up to date by the frames of these ids, and what was wrong with others of them."""
+        """Return `reading` updated by the frames of these ids, and what was wrong with the other frames."""
         wanted, refused = set(keys), []
         for frame in self.frames:
             if (frame.arbitration_id, frame.is_extended) in wanted and not frame.is_remote:
@@ -176,7 +172,8 @@ class Heard(NamedTuple):
 
 
 def listen(bus: Bus, clock: Clock, questions: Iterable[Frame], seconds: float) -> Heard:
-    """Listen, and put the questions, none of which may change anything, three times; LinkLost when the adapter goes."""
+    """Listen, and send the queries, none of which may change anything, three times; LinkLost when the adapter is
+    lost."""
     bus.read()                                    # what was said before we asked
     began_ns = clock.now_ns()
     due_ns = [began_ns + round(share * seconds * NS_PER_S) for share in ASKED_AT]
@@ -194,7 +191,8 @@ def listen(bus: Bus, clock: Clock, questions: Iterable[Frame], seconds: float) -
 
 def check_estimates(name: str, frames: Sequence[Frame],
                     parse: Callable[[Frame, MotorReading], MotorReading]) -> Finding:
-    """Whether positions and speeds, two 32-bit floats a frame, can be those of one encoder; whether it turns."""
+    """Check whether positions and speeds, two 32-bit floats per frame, can come from one encoder, and whether it
+    turns."""
     check, reading, agreement = f"{name}, estimates", MotorReading(), Agreement(LAG_S)
     if is_byte_swapped(part for frame in frames for part in (frame.data[:4], frame.data[4:])):
         return failure(check, "make sense only with their bytes the other way round (big-endian)",
@@ -213,14 +211,14 @@ def check_estimates(name: str, frames: Sequence[Frame],
 
 
 class Endpoints(Struct, frozen=True):
-    """Numbers of the parameters of one firmware (the doctor's --endpoints)."""
+    """Parameter numbers of one firmware version (the doctor's --endpoints)."""
 
     firmware: str
     ids: dict[str, int]
 
 
 class AxisCheck(NamedTuple):
-    """An axis as the doctor knows it, beside its table."""
+    """What the doctor knows of an axis, besides its table."""
 
     name: str                         # "flywheel motor 1", "hood motor", "feeder motor"
     tick_hz: int
@@ -228,9 +226,9 @@ class AxisCheck(NamedTuple):
 
 
 class Stored(NamedTuple):
-    """One setting that a device keeps without power: the second line, which holds when nothing of the robot runs.
+    """One setting that a device keeps without power: a second line of defence, which holds when no robot code runs.
 
-    name: as its maker's tool has it. low, high: values that may stay. read: from what was heard; None: no answer.
+    name: as in the manufacturer's tool. low, high: accepted values. read: from the answers; None: no answer.
     """
 
     name: str
@@ -246,10 +244,10 @@ class Stored(NamedTuple):
 
 
 class StoredSettings(NamedTuple):
-    """Those of one axis.
+    """The stored settings of one axis.
 
-    refuse: why nothing may be written, from the answers to `ask`; "" where it may. save: keeps what was written.
-    restart_s: how long a device is away then.
+    refuse: why nothing may be written, from the answers to `ask`; "" if it may. save: stores what was written.
+    restart_s: how long the device is then away.
     """
 
     settings: tuple[Stored, ...]
@@ -321,32 +319,33 @@ Table = TypeVar("Table", bound=HoodEncoder)
 
 
 class Encoder:
-    """A hood encoder at work, here one that is not there. It never waits: `take` is given the frames that came."""
+    """A hood encoder in operation; this base class is an absent one. It never waits: `take` is given the received
+    frames."""
 
     reading: AngleReading | None = None
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
-        """(arbitration id, is extended) of every frame that `take` understands."""
+        """Return (arbitration id, is extended) of every frame that `take` understands."""
         return ()
 
     def take(self, frame: Frame) -> None:
-        """Bring `reading` up to date by one frame that is not remote; BadFrame leaves it as it was."""
+        """Update `reading` by one frame that is not remote; BadFrame leaves it unchanged."""
 
     def read(self, t_ns: int) -> AngleReading | None:
-        """Once a tick: the newest angle; None before the first."""
+        """Return the newest angle, once a tick; None before the first."""
         return self.reading
 
     def faults(self, t_ns: int) -> tuple[reason.Reason, ...]:
-        """Faults that the reading does not hold and that stand in the way of firing; of its device, about a "motor"."""
+        """Return faults of its device, named "motor", that the reading does not contain and that prevent firing."""
         return ()
 
     def frames(self, t_ns: int) -> tuple[Frame, ...]:
-        """Once a tick, while there is a bus: frames to send."""
+        """Return the frames to send, once a tick, while there is a bus."""
         return ()
 
 
 def aged(reading: AngleReading | None, by_ns: int) -> AngleReading | None:
-    """A reading whose device has been found to be later by so much than it was known to be."""
+    """Return a reading whose device was found to be later by this much than was known."""
     if reading is None or not by_ns:
         return reading
     faults_t_ns = reading.faults_t_ns and reading.faults_t_ns - by_ns       # 0 and absent stay so
@@ -354,7 +353,7 @@ def aged(reading: AngleReading | None, by_ns: int) -> AngleReading | None:
 
 
 def trip_faults(trip: RoundTrip, t_ns: int) -> tuple[reason.Reason, ...]:
-    """Once a tick: why the encoder may not be believed, as far as how late it comes tells."""
+    """Return, once a tick, why the encoder cannot be trusted, judged by its delay."""
     trip.tick(t_ns)
     fault = trip.fault()
     return () if fault is None else (fault.about(motor=CHECK),)

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, partial
 from importlib.metadata import entry_points
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -35,7 +35,7 @@ from truearc.hw.reason import Message, Reason
 # --- motors of another controller
 
 class AdvisoryConfig(Struct, Axis, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="advisory"):
-    """Another controller's motor: its frames are heard, and nothing is ever sent to it."""
+    """A motor of another controller: its frames are received, and nothing is ever sent to it."""
 
     listens_to: Literal["odrive", "spark"]    # whose frames they are
     device: family.CanNode
@@ -55,12 +55,12 @@ def errors(axis: AdvisoryConfig, motor: MotorReading) -> tuple[Reason, ...]:
 
 
 def is_driven(axis: AdvisoryConfig, motor: MotorReading) -> bool:
-    """Another's SPARK does not report whether it is enabled."""
+    """Return whether the device is driven; a SPARK of another controller does not report it, and counts as driven."""
     return axis.listens_to == "spark" or motor.axis_state == odrive.CLOSED_LOOP
 
 
 def examine(axis: AdvisoryConfig, check: family.AxisCheck, heard: Heard) -> Iterator[Finding]:
-    """Whether anything is heard of the device."""
+    """Check whether the device sends anything."""
     status = f"{check.name}, status"
     if any(heard.of(*key) for key in _make_motor(axis).ids()):
         yield ok(status, "is heard; it belongs to another controller")
@@ -102,15 +102,15 @@ _BY_TABLE: dict[type[Axis], family.MotorFamily[Any]] = {}
 
 
 def family_of(axis: Axis) -> family.MotorFamily[Any]:
-    """The family whose table this is; raises as find_family."""
-    table = axis.__class__
-    if table not in _BY_TABLE:        # called in the tick
-        _BY_TABLE[table] = find_family(family.driver_of(axis))
-    return _BY_TABLE[table]
+    """Return the family of this table; raises as find_family does."""
+    found = _BY_TABLE.get(axis.__class__)         # called in the tick
+    if found is None:
+        found = _BY_TABLE[axis.__class__] = find_family(family.driver_of(axis))
+    return found
 
 
 def find_family(driver: str) -> family.MotorFamily[Any]:
-    """The family of this name.
+    """Return the family with this name.
 
     Raises:
         LookupError: there is none.
@@ -120,13 +120,14 @@ def find_family(driver: str) -> family.MotorFamily[Any]:
 
 
 def drivers() -> tuple[str, ...]:
-    """Names of all families, without loading those of distributions."""
+    """Return the names of all families, without loading those of distributions."""
     return tuple(dict.fromkeys((*BY_DRIVER, *sorted(point.name for point in entry_points(group=GROUP)))))
 
 
 @cache
 def find_messages(code: str) -> tuple[Message, ...]:
-    """Messages for a code "DRIVER.WHAT" of a distribution's family; () for any other, and where it cannot be loaded."""
+    """Return messages for a code "DRIVER.WHAT" of a distribution's family; () for any other, or if it cannot be
+    loaded."""
     driver, dot, _ = code.partition(".")
     try:
         return tuple(message for message in _load(driver).messages if message.code.name == code) if dot else ()
@@ -193,13 +194,13 @@ class MotorEncoder(family.Encoder):
 
 
 def errors_of(table: MotorEncoderConfig, axis_error: int) -> tuple[Reason, ...]:
-    """The controller's errors that are in the way of believing its position; those of DRIVING are not."""
+    """Return the controller's errors that make its position untrustworthy; those of DRIVING do not."""
     errors: Sequence[Reason] = family_of(table.controller).errors(table.controller, MotorReading(axis_error=axis_error))
     return tuple(error for error in errors if error.code not in DRIVING)
 
 
 def examine_encoder(table: MotorEncoderConfig, around: family.Around, heard: family.Heard) -> Iterator[Finding]:
-    """Its controller's findings."""
+    """Return its controller's findings."""
     yield from family_of(table.controller).examine(
         table.controller, family.AxisCheck(family.CHECK, TICK_HZ, None), heard)
 
@@ -242,11 +243,9 @@ COUNT_SIGMA_DEG = 0.5
 
 
 class NoEncoder(Struct, family.HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="none"):
-    """There is none, so nothing checks the count."""
+    """No encoder, so nothing checks the count."""
 
-    @property
-    def is_heard(self) -> bool:
-        return False
+    is_heard: ClassVar[bool] = False
 
 
 NONE = family.EncoderFamily(

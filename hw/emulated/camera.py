@@ -39,7 +39,7 @@ class Lens:
 
 
 def project(points_m: Array, camera_from_points: Array, lens: Lens, focal_scale: float = 1.0) -> tuple[Array, Array]:
-    """Points (n, 3) -> where a perfect pinhole sees them (n, 2), and how far ahead they are (n,)."""
+    """Project points (n, 3) with a perfect pinhole to pixels (n, 2), and return their distances ahead (n,)."""
     seen_m = points_m @ camera_from_points[:3, :3].T + camera_from_points[:3, 3]
     focal_px = np.array([lens.fx_px, lens.fy_px]) * focal_scale
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -48,7 +48,7 @@ def project(points_m: Array, camera_from_points: Array, lens: Lens, focal_scale:
 
 
 def distort(ideal_px: Array, lens: Lens) -> Array:
-    """Where a lens puts what a perfect pinhole would put at (n, 2)."""
+    """Apply a lens's distortion to ideal pixels (n, 2)."""
     k1, k2, p1, p2, k3 = lens.distortion
     x, y = (ideal_px[:, 0] - lens.cx_px) / lens.fx_px, (ideal_px[:, 1] - lens.cy_px) / lens.fy_px
     r2 = x * x + y * y
@@ -59,7 +59,8 @@ def distort(ideal_px: Array, lens: Lens) -> Array:
 
 
 def ideal_pixels(lens: Lens) -> tuple[Plane, Plane]:
-    """Columns and rows, in ideal pixels, of every pixel: (1, w) and (h, 1) without distortion, else two of (h, w)."""
+    """Return the columns and rows, in ideal pixels, of every pixel: (1, w) and (h, 1) without distortion, else two (h,
+    w)."""
     columns, rows = np.arange(lens.width_px, dtype=np.float64), np.arange(lens.height_px, dtype=np.float64)
     if not any(lens.distortion):
         return columns[None, :].astype(np.float32), rows[:, None].astype(np.float32)
@@ -94,7 +95,7 @@ NOTHING = View(np.diag([1.0, -1.0, -1.0, 1.0]), 1.0, 1.0)     # the target is at
 
 
 class Stage:
-    """As much of Plant as a camera looks at; whoever has it changes `now`."""
+    """The part of Plant that a camera sees; its owner changes `now`."""
 
     def __init__(self, now: View) -> None:
         self.now = now
@@ -125,7 +126,7 @@ class Look:
 
 
 class EmulatedCamera:
-    """Pictures of an emulated world, one whenever it is asked for one."""
+    """Pictures of an emulated world, one for each request."""
 
     def __init__(self, scene: Scene, lens: Lens, tape: TapeSize, seed: int, look: Look | None = None) -> None:
         self._scene, self._lens, self._look = scene, lens, look or Look()
@@ -136,7 +137,7 @@ class EmulatedCamera:
         self._noise = _make_noise(lens, self._look.noise, self._random)
 
     def expose(self, t_ns: int) -> CameraFrame:
-        """Return the image of this moment."""
+        """Return the image at this moment."""
         height, width = self._lens.height_px, self._lens.width_px
         dice = self._random.integers(0, 1 << 30, 10)
         exposure = 1.0 + EXPOSURE_JITTER * float(self._random.standard_normal())
@@ -208,8 +209,8 @@ class EmulatedCamera:
 
 
 def outline_m(tape: TapeSize) -> Array:
-    """(8, 3) corners in the target's frame (truearc.hw.emulated.nodes.View): outer bottom right, bottom left, top
-    left, top right, then the same four of the tape's inner edge."""
+    """Return (8, 3) corners in the target's frame (truearc.hw.emulated.nodes.View): outer bottom right, bottom left,
+    top left, top right, then the same four of the tape's inner edge."""
     top, bottom, high, wide = tape.top_width_m / 2, tape.bottom_width_m / 2, tape.height_m / 2, tape.tape_width_m
     slope = (top - bottom) / tape.height_m
     across = wide * np.hypot(1.0, slope)              # the tape's width measured horizontally on its sloping sides
@@ -269,7 +270,7 @@ SETTINGS = [cv2.IMWRITE_JPEG_QUALITY, QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
 
 
 class PictureServer:
-    """Shows every viewer the newest picture, on the loopback interface alone."""
+    """Serves every viewer the newest picture, on the loopback interface only."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -281,7 +282,7 @@ class PictureServer:
         self._thread.start()
 
     def show(self, image: npt.NDArray[np.uint8]) -> None:
-        """The newest picture, (height, width, 3) BGR."""
+        """Set the newest picture, (height, width, 3) BGR."""
         _, data = cv2.imencode(".jpg", image, SETTINGS)
         self._put(data.tobytes())
 
@@ -291,7 +292,7 @@ class PictureServer:
         self._server.server_close()
 
     def wait(self, count: int) -> tuple[int, bytes]:
-        """The number of the newest picture and the picture, once it is not number `count`."""
+        """Return the number of the newest picture and the picture, once it is not number `count`."""
         with self._changed:
             while self._count == count:
                 self._changed.wait()

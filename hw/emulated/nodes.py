@@ -16,7 +16,7 @@ if TYPE_CHECKING:                     # every command loads this module, and mos
 
 
 class MotorTruth(NamedTuple):
-    """One motor as its own encoder and driver see it (an encoder with a wrong scale has it applied here)."""
+    """One motor as its own encoder and driver see it (a wrong encoder scale is already applied)."""
 
     position_rad: float
     velocity_rad_s: float
@@ -25,7 +25,8 @@ class MotorTruth(NamedTuple):
 
 
 class View(NamedTuple):
-    """Pose and light of the target before the camera. Camera axes: x right, y down, z along the optical axis (OpenCV).
+    """Pose and lighting of the target before the camera. Camera axes: x right, y down, z along the optical axis
+    (OpenCV).
 
     Target axes: x right and y up as the viewer sees them, z towards the viewer, origin in the tape's centre.
     """
@@ -55,10 +56,10 @@ class Plant(Scene, Protocol):
         """Supply voltage at the motor drivers now."""
 
     def hood_encoder_rad(self) -> float:
-        """Elevation above horizontal at the hood pivot's magnet, plus whatever is wrong with its mounting."""
+        """Elevation above horizontal at the hood pivot's magnet, plus its mounting error."""
 
     def hood_at_limit(self) -> bool:
-        """The limit switch at the hood's lowest elevation is closed."""
+        """Whether the limit switch at the hood's lowest elevation is closed."""
 
 
 class Node(Protocol):
@@ -67,22 +68,22 @@ class Node(Protocol):
     motor: str | None                             # the plant's motor that it drives, if any
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
-        """(arbitration id, is extended) of every frame that it listens to."""
+        """Return (arbitration id, is extended) of every frame that it receives."""
 
     def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
-        """Take one frame from the bus; what it answers at once."""
+        """Take one frame from the bus; return its immediate answer."""
 
     def due_ns(self) -> int:
-        """When it next has something to do."""
+        """Return when it next has something to do."""
 
     def step(self, t_ns: int) -> list[Frame]:
-        """Do what is due by `t_ns`; the frames it sends."""
+        """Do what is due by `t_ns`; return the frames to send."""
 
     def torque_nm(self) -> float:
-        """What it asks of its motor now; positive launches a ball or raises the hood."""
+        """Return the torque that it requests of its motor now; positive launches a ball or raises the hood."""
 
     def restart(self, t_ns: int) -> None:
-        """Power is back: forget what was not stored, and count turns from 0 again."""
+        """Restore power: forget what was not stored, and count turns from 0 again."""
 
 
 class Report:
@@ -99,7 +100,7 @@ class Report:
         self.due_ns = t_ns + period_ns if period_ns else NEVER_NS
 
     def take(self, t_ns: int) -> bool:
-        """Is it due? If so it counts as sent; reports missed meanwhile are skipped, never sent in a burst."""
+        """Return whether it is due, and then count it as sent; missed reports are skipped, never sent in a burst."""
         if self.due_ns > t_ns:
             return False
         self.due_ns += self.period_ns * (1 + (t_ns - self.due_ns) // self.period_ns)
@@ -110,7 +111,7 @@ NEVER_NS = 1 << 62
 
 
 def take_reports(reports: tuple[Report, ...], t_ns: int) -> list[Frame]:
-    """The frames that are due by `t_ns`, in the order of the tuple."""
+    """Return the frames that are due by `t_ns`, in the order of the tuple."""
     return [report.make() for report in reports if report.due_ns <= t_ns and report.take(t_ns)]
 
 
@@ -148,7 +149,7 @@ Stepper = Callable[[int], None]
 
 
 class Twin:
-    """Emulated devices on `bus`, and the plant that they are attached to.
+    """Emulated devices on `bus`, and the plant to which they are attached.
 
     Within one `advance` the world stops whenever a device has something to do, so every frame says what was true when
     it was due, whatever the robot's own cadence. `steppers` (button box, camera, driver) run at its end, in order.
@@ -164,7 +165,8 @@ class Twin:
                 self._listeners.setdefault(key, []).append(node)
 
     def advance(self, t_ns: int) -> None:
-        """Let the devices hear what was sent, bring the world to `t_ns`, and let them speak when they are due."""
+        """Deliver what was sent to the devices, bring the world to `t_ns`, and let the devices send when they are
+        due."""
         self._hear()
         self._speak()
         while self._t_ns < t_ns:
@@ -189,8 +191,7 @@ class Twin:
 
 
 class StepClock:
-    """truearc.hw.protocols.Clock of a twin: sleeping makes the emulated world advance, as fast as it can be
-    computed."""
+    """truearc.hw.protocols.Clock of a twin: sleeping advances the emulated world as fast as it can be computed."""
 
     def __init__(self, advance: Callable[[int], None]) -> None:
         self._advance = advance
@@ -200,7 +201,7 @@ class StepClock:
         return self._now_ns
 
     def sleep_until_ns(self, t_ns: int) -> None:
-        """Bring the world to `t_ns`, and then the clock; nothing happens when that is past."""
+        """Bring the world, and then the clock, to `t_ns`; do nothing if that is past."""
         if t_ns > self._now_ns:
             self._advance(t_ns)
             self._now_ns = t_ns

@@ -26,7 +26,7 @@ class Cable(Protocol):
     port: str
 
     def write(self, data: bytes) -> bool:
-        """Send `data`; False when it is lost for want of a reader. Does not block for long."""
+        """Send `data`; return False if it is lost because nothing reads it. Does not block for long."""
 
     def read(self) -> bytes:
         """Return the bytes that the robot has sent since the last call. Does not block."""
@@ -35,7 +35,7 @@ class Cable(Protocol):
 
 
 class SocketCable:
-    """A listener on the loopback interface, for one reader after the other."""
+    """A listener on the loopback interface, for one reader at a time."""
 
     def __init__(self) -> None:
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -96,10 +96,10 @@ UNREAD = 2048                                     # bytes; the kernel holds twic
 
 
 class PtyCable:
-    """A pseudo-terminal. Its reading end is kept open too, so that the line stays raw and a late reader misses none.
+    """A pseudo-terminal. Its reading end is kept open too, so that the line stays raw and a late reader misses nothing.
 
-    `prompt`: what is written can be read when `write` returns; for a reader in the same thread, whose next tick must
-    see it every time. Otherwise the kernel carries it across in its own time.
+    `prompt`: written data can be read when `write` returns, for a reader in the same thread whose next tick must always
+    see it. Otherwise the kernel carries it across in its own time.
     """
 
     def __init__(self, prompt: bool = True) -> None:
@@ -142,7 +142,7 @@ class PtyCable:
 
 
 def open_cable(prompt: bool) -> Cable:
-    """A pseudo-terminal, or a loopback socket where the system has none to give; `prompt` as PtyCable has it."""
+    """Open a pseudo-terminal, or a loopback socket if the system has none; `prompt` as in PtyCable."""
     with contextlib.suppress(AttributeError, NameError, OSError):       # Windows has neither openpty nor tty
         return PtyCable(prompt)
     return SocketCable()
@@ -159,9 +159,9 @@ _FRAME = re.compile(rb"(?:([tr])([0-7][0-9A-F]{2})|([TR])([01][0-9A-F]{7}))([0-8
 
 
 class SlcanAdapter:
-    """truearc.hw.protocols.Bus as the emulated devices see it, through an adapter to a host who opens `port`.
+    """truearc.hw.protocols.Bus as the emulated devices see it, through an adapter to a host that opens `port`.
 
-    While the host has not opened the channel, nothing reaches it and nothing of it reaches the devices.
+    Until the host opens the channel, nothing passes in either direction.
     """
 
     def __init__(self, cable: Cable) -> None:
@@ -172,7 +172,7 @@ class SlcanAdapter:
         self._pending = b""
 
     def read(self) -> list[Frame]:
-        """Frames that the host has sent since the last call; its other commands are obeyed on the way."""
+        """Return the frames that the host has sent since the last call; its other commands are executed on the way."""
         *lines, self._pending = (self._pending + self._cable.read()).split(CR)
         frames: list[Frame] = []
         for line in lines:
@@ -186,7 +186,7 @@ class SlcanAdapter:
         return frames
 
     def write(self, frame: Frame) -> bool:
-        """Pass a device's frame on; False when the host does not fetch what it is sent."""
+        """Pass on a device's frame; return False if the host does not fetch what it is sent."""
         return not self.is_open or self._cable.write(make_line(frame))
 
     def faults(self) -> list[Reason]:
@@ -218,14 +218,14 @@ class SlcanAdapter:
 
 
 def make_line(frame: Frame) -> bytes:
-    """The line that hands a received frame to the host."""
+    """Return the line that passes a received frame to the host."""
     kind = ("R" if frame.is_extended else "r") if frame.is_remote else ("T" if frame.is_extended else "t")
     name = f"{frame.arbitration_id:08X}" if frame.is_extended else f"{frame.arbitration_id:03X}"
     return f"{kind}{name}{len(frame.data)}{frame.data.hex().upper()}\r".encode("ascii")
 
 
 def parse_line(line: bytes) -> Frame | None:
-    """The frame that a line without its end asks to be sent; None when it is no such line, to the letter."""
+    """Return the frame that a line without its end asks to send; None if it does not match exactly."""
     match = _FRAME.fullmatch(line)
     if match is None:
         return None

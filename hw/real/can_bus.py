@@ -44,7 +44,7 @@ CONTROLLER_DETAILS = ((0x01, "receive overrun"), (0x02, "transmit overrun"), (0x
 
 
 class NeverOpens(LinkLost):
-    """A bus that no adapter plugged in later would open: no such interface, or its driver is not installed."""
+    """A bus that plugging in an adapter would not open: no such interface, or its driver is not installed."""
 
 
 class _Outgoing(can.Message):  # type: ignore[misc]  # the library is not looked into
@@ -64,10 +64,10 @@ class _Outgoing(can.Message):  # type: ignore[misc]  # the library is not looked
 class CanBus:
     """truearc.hw.protocols.Bus over an open python-can bus, which it owns.
 
-    Frames are stamped with the clock's time at which they were taken in: python-can's own stamps are wall-clock time.
-    `tally` counts what is not data, what the transmit queue had no room for, and lines that a serial adapter cannot
-    have meant (`serial_lines`). A controller that went bus-off is a lost link: adapters differ in what gets them out
-    of it, and closing and opening again is what does for all.
+    Frames are stamped by the clock when they are read, because python-can's own timestamps are wall-clock time. `tally`
+    counts frames that are not data, frames that the transmit queue refused, and invalid lines of a serial adapter
+    (`serial_lines`). A controller in bus-off is a lost link: adapters recover from it in different ways, and closing
+    and reopening works for all.
     """
 
     def __init__(self, bus: can.BusABC, clock: Clock, name: str, write_timeout_s: float = 0.0, *,
@@ -78,7 +78,7 @@ class CanBus:
         self._serial_lines = serial_lines
 
     def read(self) -> list[Frame]:
-        """All frames received since the last call, oldest first; LinkLost when the adapter is gone.
+        """Return all frames received since the last call, oldest first; LinkLost when the adapter is lost.
 
         A serial adapter's own answers stand between the frames and end a read early; `receive` waits them out.
         """
@@ -90,14 +90,15 @@ class CanBus:
         return frames
 
     def receive(self, wait_s: float) -> Frame | None:
-        """The next frame, waited for at most about `wait_s`; None when there was none, or no data; else as `read`."""
+        """Return the next frame after waiting at most about `wait_s`; None if there was none, or no data; else as
+        `read`."""
         message = self._take(wait_s)
         if message is None or message.is_error_frame:
             return None
         return _make_frame(message, self._clock.now_ns())
 
     def write(self, frame: Frame) -> bool:
-        """Queue one frame; False when the queue is full; LinkLost when the adapter is gone."""
+        """Queue one frame; return False if the queue is full; LinkLost when the adapter is lost."""
         message = _Outgoing(0.0, frame.arbitration_id, frame.is_extended, frame.is_remote,
                             dlc=len(frame.data), data=None if frame.is_remote else frame.data)
         try:
@@ -152,7 +153,7 @@ class CanBus:
 
 def open_can(interface: str, channel: str, bitrate: int, clock: Clock, wait_s: float = 0.0,
              tally: Counter[str] | None = None) -> CanBus:
-    """Open a CAN bus; LinkLost names interface and channel when it cannot be, NeverOpens when it will not be either.
+    """Open a CAN bus; LinkLost names interface and channel if it cannot be opened now, NeverOpens if it never can.
 
     `bitrate` is for adapters that set their own; socketcan's is set where the interface is brought up. On `virtual`
     every bus with one channel name in one process is on the same wire, and does not hear itself. `wait_s`: how long
@@ -195,7 +196,7 @@ def _is_full(error: Exception) -> bool:
 
 
 def error_words(arbitration_id: int, data: bytes) -> tuple[str, ...]:
-    """What one error frame says; never empty."""
+    """Return what an error frame reports; never empty."""
     words = [word for bit, word in CLASSES if arbitration_id & bit]
     if arbitration_id & CONTROLLER:
         details = data[1] if len(data) > 1 else 0
@@ -213,12 +214,12 @@ FIRST_S, LONGEST_S = 0.05, 2.0        # pauses between attempts to open it again
 
 
 class SupervisedBus:
-    """truearc.hw.protocols.Bus over whatever `open_bus` opens, again and again.
+    """truearc.hw.protocols.Bus over whatever `open_bus` opens, reopened whenever it is lost.
 
-    One thread takes every frame in as it comes, stamped with that moment, so that its age is its own and not the
-    tick's. When the bus is lost, or silent for a second (an adapter that went bus-off without saying so), it is closed
-    and opened again, after pauses that grow; `read` and `write` raise LinkLost meanwhile, and from then until
-    something is heard again there is a fault. `tally` counts.
+    One thread reads every frame as it arrives and stamps it at that moment, so that its age does not depend on the
+    tick. When the bus is lost, or silent for a second (an adapter in bus-off may not report it), it is closed and
+    reopened after increasing pauses. Meanwhile `read` and `write` raise LinkLost, and a fault is reported until
+    something is received again. `tally` counts.
     """
 
     def __init__(self, open_bus: Callable[[], CanBus], clock: Clock, tally: Counter[str], room: int = ROOM,
@@ -253,7 +254,8 @@ class SupervisedBus:
         return self._lost if self._bus is None else None
 
     def read(self) -> list[Frame]:
-        """All frames received since the last call, oldest first; LinkLost, saying why, while there is no bus."""
+        """Return all frames received since the last call, oldest first; LinkLost, with the reason, while there is no
+        bus."""
         if self._bus is None:
             raise self._loss()
         return [self._frames.popleft() for _ in range(len(self._frames))]

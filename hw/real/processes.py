@@ -1,6 +1,6 @@
-"""Child processes, messages over socket pairs, and the newest values in shared memory.
+"""Child processes, messages over socket pairs, and latest values in shared memory.
 
-A child process is started, supervised and restarted. Neither end of a connection ever waits for the other.
+Child processes are started, supervised and restarted here. Neither end of a connection ever waits for the other.
 """
 
 import ctypes
@@ -36,20 +36,21 @@ Work = Callable[..., None]            # work(line, is_first, *args), importable 
 
 
 class Line:
-    """The child's end of what connects it with its parent; nothing is ever sent to a child, but that it is closed."""
+    """The child's end of the connection to its parent; nothing is ever sent to a child except the closing of the
+    connection."""
 
     def __init__(self, connection: "Connection[Any, Any]") -> None:
         self._connection = connection
 
     def say(self, why_not: reason.Reason | None) -> None:
-        """Once: that it works, None, or why it cannot."""
+        """Report once that it works (None), or why it cannot."""
         try:
             self._connection.send(why_not)
         except OSError:               # the parent has gone: the next look at the line says so
             return
 
     def is_over(self, wait_s: float) -> bool:
-        """Whether the parent wants it to end, or is no more; waits for that."""
+        """Return whether the parent wants it to end or no longer exists; waits for that."""
         try:
             return self._connection.poll(wait_s)
         except OSError:
@@ -57,15 +58,15 @@ class Line:
 
 
 class Child:
-    """A process that does `work` until `close`, or until this process is no more.
+    """A process that does `work` until `close`, or until this process no longer exists.
 
-    `trouble` is what is wrong with it: it has not started yet, cannot, or has ended; None while it works.
-    `restarts`: started again when it has ended, after pauses that grow while it does no good. `mortal`: killed by the
-    system when this process has died, where the system can; for one that has nothing to finish.
+    `trouble` is what is wrong with it: it has not started yet, cannot, or has ended; None while it works. `restarts`:
+    it is restarted after it ends, with pauses that grow while it fails. `mortal`: the system kills it, where it can,
+    when this process dies; for work that has nothing to finish.
 
-    A thread of its own starts the process and waits for its end: it is there before real time is asked for, so that a
-    child, too, is ordinary, on whichever core; and Linux takes the death of the thread that started it for the
-    parent's.
+    A separate thread starts the process and waits for its end. It exists before real-time priority is requested, so
+    that the child has ordinary priority on any core; and Linux treats the death of the thread that started a child as
+    the parent's.
     """
 
     def __init__(self, name: str, work: Work, args: tuple[Any, ...], *, restarts: bool, mortal: bool) -> None:
@@ -82,17 +83,17 @@ class Child:
         self._thread.start()
 
     def wait(self) -> None:
-        """Until it works, the first time; LinkLost, saying why, when it cannot."""
+        """Wait until it first works; LinkLost, with the reason, if it cannot."""
         self._answered.wait()
         if self.trouble is not None:
             raise protocols.LinkLost(self.trouble)
 
     def is_gone(self) -> bool:
-        """Whether it has ended for good."""
+        """Return whether it has ended for good."""
         return not self._restarts and self._answered.is_set() and not self._thread.is_alive()
 
     def close(self, patience_s: float) -> None:
-        """Have it end, and kill it if it takes longer than that."""
+        """Ask it to end, and kill it if that takes too long."""
         self._over.set()
         with self._lock:
             if self._line is not None:
@@ -148,8 +149,8 @@ class Child:
 
 
 def make_shared(size: int) -> Any:
-    """Return `size` zero bytes that a child may share; the system frees them once no process holds them, however its
-    holders ended."""
+    """Return `size` zero bytes that a child may share; the system frees them when no process holds them, however the
+    processes ended."""
     return CONTEXT.RawArray(ctypes.c_ubyte, size)
 
 
@@ -170,9 +171,9 @@ ROOM = 4 << 20                        # bytes requested from the system for mess
 
 
 class Outbox:
-    """Sends what the system takes, and keeps the rest for the next `push`.
+    """Sends what the system accepts, and keeps the rest for the next `push`.
 
-    Bytes that the system has taken reach the other end whatever becomes of this process. `waiting`: those it has not.
+    Accepted bytes reach the other end whatever happens to this process. `waiting`: bytes not yet accepted.
     """
 
     def __init__(self, end: socket.socket) -> None:
@@ -189,7 +190,7 @@ class Outbox:
         self.push()
 
     def push(self) -> None:
-        """Send on; nothing happens once the reader has gone."""
+        """Send on; do nothing once the reader has gone."""
         while self._parts:
             try:
                 taken = self._end.send(self._parts[0])
@@ -205,14 +206,14 @@ class Outbox:
 
 
 class Inbox:
-    """The other end."""
+    """The receiving end."""
 
     def __init__(self, end: socket.socket) -> None:
         self._end = end
         self._pending = bytearray()
 
     def read(self, wait_s: float) -> list[bytes]:
-        """Messages that have come whole, waiting so long for the first bytes; LinkLost when there will be no more."""
+        """Return complete messages, waiting this long for the first bytes; LinkLost when there will be no more."""
         self._end.settimeout(wait_s)
         try:
             data = self._end.recv(CHUNK)
@@ -248,7 +249,7 @@ COLOURS = 3
 
 
 class Capacity(NamedTuple):
-    """How much there is room for. `places`: this number of words later an image is overwritten."""
+    """The available room. `places`: an image is overwritten after this number of messages."""
 
     places: int
     text_bytes: int
@@ -278,7 +279,7 @@ class Slots:
         self._read = 0
 
     def put(self, text: bytes, image: npt.NDArray[np.uint8] | None = None) -> None:
-        """Say something, with an image of (height, width, 3) or none; ValueError when there is no room for it."""
+        """Write a message, with an image of (height, width, 3) or none; ValueError if there is no room for it."""
         pixels = b"" if image is None else np.ascontiguousarray(image).reshape(-1).data
         if len(text) > self._room.text_bytes or len(pixels) > self._room.image_bytes:
             raise ValueError(f"{len(text)} and {len(pixels)} bytes where there is room for {self._room[1:]}")
@@ -291,7 +292,7 @@ class Slots:
         self._head[0] = number
 
     def read(self) -> bytes | None:
-        """The newest word, once; None when there is nothing new."""
+        """Return the newest message, once; None if there is nothing new."""
         number = self._head[0]
         if number == self._read:
             return None
@@ -301,7 +302,7 @@ class Slots:
         return text
 
     def image(self) -> npt.NDArray[np.uint8] | None:
-        """A copy of the image that came with the word read last; None when it had none, or has been overwritten."""
+        """Return a copy of the image of the message read last; None if it had none, or it has been overwritten."""
         at, images = self._places(self._read)
         _, _, _, height, width, checksum = SLOT.unpack_from(self._memory, at)
         size = height * width * COLOURS
@@ -313,11 +314,11 @@ class Slots:
         return pixels.reshape(height, width, COLOURS)
 
     def beat(self, t_ns: int) -> None:
-        """The writer is alive."""
+        """Note that the writer is alive."""
         self._head[1] = t_ns
 
     def beaten_ns(self) -> int:
-        """When the writer last said that it is alive; 0 = never."""
+        """Return when the writer last noted that it is alive; 0 = never."""
         return int(self._head[1])
 
     def _places(self, number: int) -> tuple[int, int]:

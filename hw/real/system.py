@@ -31,14 +31,14 @@ class CanLink(Struct, frozen=True):
 
 
 class Exposure(Struct, frozen=True):
-    """How a camera exposes; None = it does not say."""
+    """How a camera exposes; None = not reported."""
 
     automatic: bool | None
     length_s: float | None
 
 
 def parse_link(text: str) -> CanLink | None:
-    """One interface out of `ip -json -details link show NAME`; None when there is none in it."""
+    """Parse one interface from `ip -json -details link show NAME`; None if it contains none."""
     try:
         links = msgspec.json.decode(text)
     except msgspec.DecodeError:
@@ -72,19 +72,19 @@ UNITS_PER_S = 10_000
 
 
 def read_link(name: str) -> CanLink | None:
-    """A network interface as `ip` describes it; None when there is none of that name."""
+    """Return a network interface as `ip` describes it; None if there is none of that name."""
     said = _said("ip", "-json", "-details", "link", "show", "dev", name)
     return None if said is None else parse_link(said)
 
 
 def is_clock_synchronised() -> bool | None:
-    """Whether the time of day has been set by a time server since the machine was started."""
+    """Return whether a time server has set the time of day since the machine started."""
     said = _said("timedatectl", "show", "--property=NTPSynchronized", "--value")
     return {"yes": True, "no": False}.get((said or "").strip())
 
 
 def read_exposure(device: str) -> Exposure | None:
-    """How a V4L2 camera (path or index) exposes, whoever else uses it; None when it cannot be asked."""
+    """Return how a V4L2 camera (path or index) exposes, even while in use; None if it cannot be queried."""
     if sys.platform != "linux":
         return None
     try:
@@ -122,20 +122,20 @@ ELSEWHERE = "this is not Linux"
 
 
 class Answer(NamedTuple):
-    """A request to the system; `refused` says why not, and is empty when it was granted."""
+    """The answer to a system request; `refused` gives the reason, and is empty if it was granted."""
 
     asked: str
     refused: str
 
 
 def ask_fifo(priority: int) -> Answer:
-    """SCHED_FIFO for the calling thread; threads and processes that it starts are ordinary ones again."""
+    """Request SCHED_FIFO for the calling thread; threads and processes that it starts are ordinary again."""
     return _ask(f"real-time scheduling (SCHED_FIFO {priority})", lambda: _set_fifo(0, priority))
 
 
 def ask_fifo_beside(priority: int) -> Answer:
-    """SCHED_FIFO, too, for all threads of this process that run by now, below the calling one: a thread that has the
-    interpreter while it waits for a core holds up all others, whatever their own priority."""
+    """Request SCHED_FIFO, below the calling thread, for all other threads of this process: a thread that holds the
+    interpreter while it waits for a core delays all others, whatever their priority."""
     def ask() -> None:
         for name in os.listdir("/proc/self/task"):
             if int(name) == threading.get_native_id():
@@ -147,14 +147,14 @@ def ask_fifo_beside(priority: int) -> Answer:
 
 
 def ask_core(core: int) -> Answer:
-    """One core for the calling thread alone; threads that run already stay where they may."""
+    """Request one core for the calling thread only; existing threads stay unrestricted."""
     return _ask(f"core {core}", lambda: os.sched_setaffinity(0, {core}))
 
 
 def ask_locked_memory() -> Answer:
-    """Memory that is never written out to disk, from now on.
+    """Request that memory is never swapped out from now on.
 
-    Asked only where there is no limit to it: under one, later allocations would fail in the middle of a run.
+    Requested only where memory locking is unlimited: under a limit, later allocations would fail during a run.
     """
     def ask() -> None:
         import resource  # POSIX only
@@ -168,7 +168,7 @@ def ask_locked_memory() -> Answer:
 
 
 def rehearse(priority: int) -> tuple[Answer, ...]:
-    """What would be granted of scheduling and memory: asked in a thread of its own, and given back."""
+    """Return which scheduling and memory requests would be granted: they are made in a separate thread and undone."""
     answers: list[Answer] = []
 
     def ask() -> None:
@@ -206,7 +206,7 @@ def _call(name: str, *arguments: int) -> None:
 # --- systemd
 
 class ServiceManager:
-    """The sender to NOTIFY_SOCKET. Never blocks and never raises: a deaf manager must not stop the robot."""
+    """The sender to NOTIFY_SOCKET. Never blocks and never raises: an unresponsive manager must not stop the robot."""
 
     def __init__(self, address: str | None) -> None:
         self._socket: socket.socket | None = None
@@ -216,13 +216,13 @@ class ServiceManager:
             self._socket.setblocking(False)
 
     def say(self, message: str) -> None:
-        """Such as "READY=1"; nothing happens without a service manager."""
+        """Send a message such as "READY=1"; does nothing without a service manager."""
         if self._socket is not None:
             with contextlib.suppress(OSError):
                 self._socket.sendto(message.encode(), self._address)
 
     def close(self) -> None:
-        """Say that the end has begun, whoever wanted it."""
+        """Report that the end has begun, whatever caused it."""
         self.say("STOPPING=1")
         if self._socket is not None:
             self._socket.close()

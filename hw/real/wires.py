@@ -26,7 +26,7 @@ class SerialStream:
         self._port = port
 
     def read(self) -> bytes:
-        """All bytes received since the last call; LinkLost when the device is unplugged."""
+        """Return all bytes received since the last call; LinkLost when the device is unplugged."""
         parts: list[bytes] = []
         try:
             while part := self._port.read(CHUNK):
@@ -42,7 +42,7 @@ class SerialStream:
 
 
 def open_serial(port: str, baud: int) -> SerialStream:
-    """Open a port, for us alone where the system can promise that; LinkLost names the port when it cannot be."""
+    """Open a port, exclusively if the system supports that; LinkLost names the port if it cannot be opened."""
     try:
         stream = serial.serial_for_url(port, baudrate=baud, timeout=0, write_timeout=0, do_not_open=True)
         if "://" not in port:
@@ -67,10 +67,11 @@ Image = npt.NDArray[np.uint8]
 
 
 class Mended(Generic[Wire]):
-    """A wire opened by `open_wire`, and again whenever it is lost or was not there to begin with; that raises LinkLost
-    while it cannot be opened.
+    """A wire opened by `open_wire` and reopened whenever it is lost or was absent at first; use raises LinkLost
+    meanwhile.
 
-    One that is lost before it has answered anything is opened again after pauses that grow: opening does not fix it.
+    A wire that is lost before it has answered anything is reopened after increasing pauses, since opening does not fix
+    it.
     """
 
     def __init__(self, open_wire: Callable[[], Wire], pause_s: float = PAUSE_S) -> None:
@@ -91,7 +92,7 @@ class Mended(Generic[Wire]):
         return self._why if self._wire is None else None
 
     def ask(self, question: Callable[[Wire], Answer]) -> Answer:
-        """What `question` makes of the wire; LinkLost, every time, from when it is lost until it is open again."""
+        """Return `question(wire)`; LinkLost, every time, from when it is lost until it is open again."""
         wire = self._wire
         if wire is None:
             assert self._why is not None
@@ -130,17 +131,17 @@ class Mended(Generic[Wire]):
 
 
 class MendedStream(Mended[Stream]):
-    """truearc.hw.protocols.Stream that comes back."""
+    """truearc.hw.protocols.Stream that is reopened when lost."""
 
     def read(self) -> bytes:
         return self.ask(lambda stream: stream.read())
 
 
 class MendedCamera(Mended[Camera]):
-    """truearc.hw.protocols.Camera that comes back.
+    """truearc.hw.protocols.Camera that is reopened when lost.
 
-    The image that it was lost with does not count when it comes again: a driver that hangs may hand out its last one
-    for ever, also after it was opened again.
+    The last image before the loss is ignored if it is repeated: a driver that hangs may return its last one forever,
+    even after it was reopened.
     """
 
     def __init__(self, open_camera: Callable[[], Camera], pause_s: float = PAUSE_S) -> None:
@@ -198,7 +199,7 @@ class CameraThread:
         self._thread.start()
 
     def read(self) -> CameraFrame | None:
-        """The newest image not yet read, or None; LinkLost when the camera has given nothing for two seconds."""
+        """Return the newest image not yet read, or None; LinkLost if the camera has given nothing for two seconds."""
         with self._lock:
             newest, self._newest = self._newest, None
             lost, heard_ns = self._lost, self._heard_ns
@@ -210,7 +211,7 @@ class CameraThread:
         return None
 
     def close(self) -> None:
-        """Stop the thread and let go of the device."""
+        """Stop the thread and release the device."""
         self._stop.set()
         self._thread.join(timeout=1.0)
 
@@ -247,7 +248,7 @@ class CameraThread:
 
 
 def lock_exposure(capture: Any, exposure_s: float, camera: str) -> reason.Reason | None:
-    """Set a fixed exposure and read it back, over a few images; None, or what the camera has instead."""
+    """Set a fixed exposure and read it back over a few images; return None, or the camera's actual setting."""
     wanted = exposure_s / EXPOSURE_UNIT_S
     mode = exposure = 0.0
     for _ in range(SETTLE_FRAMES):
@@ -264,11 +265,11 @@ def lock_exposure(capture: Any, exposure_s: float, camera: str) -> reason.Reason
 
 def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: Clock,
                 exposure_s: float = 0.0) -> CameraThread:
-    """Open a V4L2 device (path or index) or a network camera (URL); LinkLost names it when it is absent, will not give
-    that size, or where `exposure_s` is above 0 will not keep that exposure.
+    """Open a V4L2 device (path or index) or a network camera (URL).
 
-    Calibration holds at one size only, so another size is an error rather than a surprise. An exposure that the camera
-    chooses drowns the tape in its surroundings; whether pictures look as if it did is `truearc.robot.vision.marks`.
+    LinkLost names it if it is absent or does not give that size or, if `exposure_s` is above 0, does not keep that
+    exposure. A calibration is valid for one size only, so another size is an error. With an exposure chosen by the
+    camera the surroundings drown the tape; `truearc.robot.vision.marks` checks whether pictures look like that.
     """
     is_stream = "://" in device
     cv2.utils.logging.setLogLevel(ERRORS_ONLY)      # each attempt to open a camera that is away would print a warning

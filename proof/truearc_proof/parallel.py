@@ -30,15 +30,15 @@ ATTEMPTS = 3                          # a process may die this often at one plac
 def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job],
             progress: Progress = lambda done, note: None, workers: int | None = None,
             keep: Keep = lambda job, result: None) -> list[Result]:
-    """[function(job) for job in jobs], in that order, whatever runs them.
+    """Return [function(job) for job in jobs], in that order, whichever process runs them.
 
-    function: one that pickle finds by its name (no closure), as are jobs and results; workers import the main module,
-    so a script that calls this needs its `if __name__ == "__main__"`.
+    function: one that pickle finds by name (no closure), as are jobs and results; workers import the main module, so a
+    script that calls this needs its `if __name__ == "__main__"`.
 
-    keep: called here with each job and its result, once, as soon as it and those before it are there, so that whoever
-    is killed has kept those. workers: processes (default: one a core; 1 = this one). A worker that dies in the middle
-    loses nothing: its jobs are run again. An exception of a job is raised here. InputError when one job kills every
-    process it is given.
+    keep: called here once for each job and its result, as soon as it and those before it are done, so that an
+    interrupted run has kept those. workers: processes (default: one per core; 1 = this one). A worker that dies loses
+    nothing: its jobs are run again. A job's exception is raised here. InputError if one job kills every process that
+    runs it.
     """
     jobs = list(jobs)
     if jobs:
@@ -93,9 +93,10 @@ Line = dict[str, Any]
 
 def fill(path: Path, jobs: Mapping[str, Job], run: Callable[[Job], Line], progress: Progress,
          workers: int | None = None) -> dict[str, Line]:
-    """{key: line} of the whole file, once the jobs whose keys were not there have run.
+    """Return {key: line} of the whole file, after running the jobs whose keys were missing.
 
-    Each line is appended, with its key, as soon as its job is done: what is cut short goes on where it stopped.
+    Each line is appended, with its key, as soon as its job is done, so that an interrupted run resumes where it
+    stopped.
     """
     mend(path)
     there = {line["key"] for line in lines_of(path)}
@@ -109,19 +110,19 @@ def _add(path: Path, run: Callable[[Job], Line], job: tuple[str, Job]) -> None:
 
 
 def append_line(path: str | Path, line: Any) -> None:
-    """In one write at the end of the file: lines of two processes never mix."""
+    """Append in one write: lines of two processes never mix."""
     _append(path, msgspec.json.encode(line) + b"\n")
 
 
 def mend(path: str | Path) -> None:
-    """End a line that a kill has torn, so that the next one stands by itself."""
+    """End a truncated line, so that the next one stands by itself."""
     path = Path(path)
     if path.is_file() and path.stat().st_size and not path.read_bytes().endswith(b"\n"):
         _append(path, b"\n")
 
 
 def lines_of(path: Path) -> Iterator[dict[str, Any]]:
-    """Whole lines of a file of worlds, packed (.xz) or not; the last may have been torn by a kill."""
+    """Return whole lines of a file of worlds, packed (.xz) or not; a truncated last line is ignored."""
     data = path.read_bytes() if path.is_file() else b""
     for line in (_unpack(data, path) if path.suffix == ".xz" else data).splitlines():
         try:

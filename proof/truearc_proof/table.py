@@ -7,7 +7,7 @@ from truearc.sim.printed import Row, make_text
 
 
 class Table(NamedTuple):
-    """A title, a header, rows of as many cells, and what a reader must know of them."""
+    """A title, a header, rows with one cell per column, and notes for the reader."""
 
     title: str
     header: tuple[str, ...]

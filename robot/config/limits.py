@@ -29,7 +29,7 @@ FACTOR = re.compile(r"(/ )?([-\w.]+)(\??)")
 
 
 class Limit(NamedTuple):
-    """What `key` may be, both bounds included, and what happens beyond them."""
+    """The permitted range of `key`, both bounds included, and what happens beyond them."""
 
     key: str                          # dotted, without the numbers of a list: axes.flywheels.rated_v is that of each
     low: Bound
@@ -42,7 +42,7 @@ ROUNDING = 1e-9                       # of a product: 0.1 * 0.05 * 200 is a litt
 
 @cache
 def load_limits() -> tuple[Limit, ...]:
-    """The limits of launcher.toml, from limits.toml."""
+    """Load the limits of launcher.toml from limits.toml."""
     table = tomllib.loads(Path(__file__).with_name("limits.toml").read_text(encoding="utf-8"))
     return tuple(Limit(key, _bound(low), _bound(high), why.format_map(table["words"]))
                  for keys, low, high, why in table["limits"] for key in ([keys] if isinstance(keys, str) else keys))
@@ -53,7 +53,7 @@ def _bound(stated: Any) -> Bound:
 
 
 def out_of_range(config: Any, limits: tuple[Limit, ...]) -> Iterator[tuple[str, str]]:
-    """Yield the key of each number that is outside its limits, and what it is, what it may be and why.
+    """Yield the key of each number outside its limits, with its value, the permitted range and the reason.
 
     config: truearc.robot.config.schema.Config, or whatever has the keys of the limits.
     """
@@ -66,7 +66,7 @@ def out_of_range(config: Any, limits: tuple[Limit, ...]) -> Iterator[tuple[str, 
 
 
 def numbers(thing: Any, key: str, name: str = "") -> Iterator[tuple[str, float]]:
-    """(name, value) of each number at a dotted key; a list's names have its index, an absent table has none."""
+    """Return (name, value) of each number at a dotted key; list items have their index, an absent table gives none."""
     if isinstance(thing, tuple):
         for index, part in enumerate(thing):
             yield from numbers(part, key, f"{name}[{index}]" if key else name)
@@ -78,14 +78,14 @@ def numbers(thing: Any, key: str, name: str = "") -> Iterator[tuple[str, float]]
 
 
 def narrowest(bound: Bound, config: Any, choose: Any) -> tuple[float, str]:
-    """(value, text) of the bound that counts; choose: max of a limit's low ones, min of its high ones."""
+    """Return (value, text) of the bound that applies; choose: max of a limit's low ones, min of its high ones."""
     found = [(value, f"{value:g}" + (f" = {shown(one)}" if isinstance(one, str) else ""))
              for one in (bound if isinstance(bound, tuple) else (bound,)) for value in _amounts(one, config)]
     return choose(found) if found else (-choose(-math.inf, math.inf), "any")
 
 
 def shown(bound: float | str) -> str:
-    """A bound for people."""
+    """Return a bound as text."""
     return bound.replace("?", "") if isinstance(bound, str) else f"{bound:g}"
 
 
@@ -104,7 +104,7 @@ def _amounts(bound: float | str, config: Any) -> list[float]:
 # --- words and numbers at odds with others
 
 def contradictions(config: Any) -> Iterator[tuple[str, str]]:
-    """Yield the key of each word and number that is out of range, or at odds with another, and what is wrong with it.
+    """Yield the key of each word and number that is out of range or contradicts another, and what is wrong with it.
 
     config: truearc.robot.config.schema.Config, whose module calls this one.
     """
@@ -165,21 +165,21 @@ def _of_motors(config: Any) -> Iterator[tuple[str, str]]:
 
 
 def warn_of_pitch(path: str | Path, camera: Any) -> None:
-    """Warn on stderr of a camera's pitch that may be radians. camera: truearc.robot.config.schema.CameraConfig."""
+    """Warn on stderr if a camera's pitch may be in radians. camera: truearc.robot.config.schema.CameraConfig."""
     if 0.0 < abs(camera.pitch_deg) < 0.5 * math.pi:
         print(f"warning: {path}: camera.pitch_deg: {camera.pitch_deg:g} is nearly level; if radians, write "
               f"{math.degrees(camera.pitch_deg):.3g}", file=sys.stderr)
 
 
 def warn_of_terms(path: str | Path, rig: Rig) -> None:
-    """Warn on stderr of believed terms that are nearly one of ours: they may also be those of another distribution."""
+    """Warn on stderr of believed terms with nearly the name of ours; they may also belong to another distribution."""
     for name in rig.believe.terms:
         if name not in TERMS and (near := did_you_mean(name, TERMS)):
             print(f"warning: {path}: rig.believe.terms: {name!r} is none of truearc's terms{near}", file=sys.stderr)
 
 
 def cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:
-    """Key and objection of values that a rig may have on paper, and a launcher cannot."""
+    """Return the key and error of values that a rig may have on paper but no launcher can have."""
     if rig.target is not None and rig.target.centre_height_m <= 0:
         yield "rig.target.centre_height_m", f"{rig.target.centre_height_m:g} must be above 0, the floor"
     if rig.launcher.free_speed_rad_s is None:

@@ -50,7 +50,7 @@ class ReadingTable(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Driving(NamedTuple):
-    """What the tick must know of a robot that tells how it drives, for shots on the move."""
+    """What the tick must know of a robot that reports its motion, for shots on the move."""
 
     most_m_s: float                   # faster: HOLD
     pointing_deg: float               # the launcher may point this far beside the lead
@@ -58,19 +58,19 @@ class Driving(NamedTuple):
 
 
 def table_names() -> tuple[str, ...]:
-    """Names of all installed tables; none of them is loaded."""
+    """Return the names of all installed tables without loading any."""
     return tuple(sorted({point.name for point in entry_points(group=GROUP)}))
 
 
 def distribution_of_table(name: str) -> str:
-    """Name of the distribution that has a table; raises as find_table."""
+    """Return the name of the distribution that has a table; raises as find_table does."""
     point = only_point(tuple(entry_points(group=GROUP, name=name)), name)
     return point.dist.name if point.dist else ""
 
 
 @cache
 def find_table(name: str) -> ReadingTable:
-    """The table of this name.
+    """Return the table with this name.
 
     Raises:
         LookupError: no installed distribution has it.
@@ -84,7 +84,7 @@ def find_table(name: str) -> ReadingTable:
 
 
 def stated(value: Any) -> Any:
-    """A struct as plain data, and what is in it; a key that may be left out and has its default is left out."""
+    """Return a struct as plain data, omitting optional keys that have their default."""
     if isinstance(value, tuple):
         return [stated(part) for part in value]
     if not isinstance(value, Struct):
@@ -103,7 +103,7 @@ BY_DRIVER = MappingProxyType({family.driver: family for family in FAMILIES})
 
 
 class ReadEncoder(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True):
-    """The hood's angle as another program publishes it, in each of its loops, equal values too."""
+    """The hood's angle as another program publishes it, in each of its loops, even if it is unchanged."""
 
     driver: str                       # the table of launcher.toml that says where (truearc.readings)
     key: str
@@ -124,12 +124,12 @@ RECORDED = EncoderFamily(
 
 
 def encoder_drivers() -> tuple[str, ...]:
-    """Every driver that [hood_encoder] may name; no distribution is loaded."""
+    """Return every driver that [hood_encoder] may name, without loading a distribution."""
     return tuple(dict.fromkeys((*BY_DRIVER, *table_names())))
 
 
 def encoder_table(driver: str, has_key: bool) -> type[HoodEncoder]:
-    """The struct of [hood_encoder] with this driver, has_key: and with a key `key`.
+    """Return the struct of [hood_encoder] with this driver; has_key: also with a key `key`.
 
     Raises:
         LookupError: there is no such driver. Any other distribution's reading may be in a recording.
@@ -140,7 +140,7 @@ def encoder_table(driver: str, has_key: bool) -> type[HoodEncoder]:
 
 
 def encoder_family_of(table: HoodEncoder) -> EncoderFamily[Any]:
-    """The family whose table this is."""
+    """Return the family of this table."""
     return _family_of(driver_of(table))
 
 

@@ -6,6 +6,7 @@ that the caller can warn. A wrong type or a missing required key is an error.
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -26,7 +27,7 @@ class Ball(Struct, frozen=True):
 
     @property
     def density_kg_m3(self) -> float:
-        """Mass by volume; inf where the volume is too small for a number."""
+        """Mass divided by volume; inf if the volume is too small for a number."""
         volume_m3 = 4.0 / 3.0 * math.pi * self.radius_m * self.radius_m * self.radius_m
         return self.mass_kg / volume_m3 if volume_m3 > 0.0 else math.inf
 
@@ -40,10 +41,20 @@ class Wheel(Struct, frozen=True):
     clock_deg: float
 
 
+class HoodFacts(Struct, frozen=True):
+    """`map`: measured points (position of the hood's servo, elevation in degrees), by rising position.
+
+    Between two points the elevation is linear in the position, which has any unit and zero.
+    """
+
+    map: tuple[tuple[float, float], ...]
+
+
 class LauncherFacts(Struct, frozen=True):
     release_height_m: float = 0.0
     free_speed_rad_s: float | None = None
     wheel: tuple[Wheel, ...] = ()
+    hood: HoodFacts | UnsetType = UNSET       # as Rig.tracker
 
 
 class Target(Struct, frozen=True):
@@ -53,11 +64,11 @@ class Target(Struct, frozen=True):
 
     @property
     def hit_or_miss(self) -> bool:
-        """Whether every hit counts alike: there is no inner opening, and hits are recorded as two."""
+        """Whether every hit counts the same: there is no inner opening, and hits are recorded as two."""
         return self.three_half_height_m == 0.0
 
     def word(self, outcome: str) -> str:
-        """Return the driver's word for an outcome: hit, where every hit counts alike."""
+        """Return the driver's word for an outcome: hit, if every hit counts the same."""
         return "hit" if self.hit_or_miss and outcome in ("two", "three") else outcome
 
 
@@ -79,9 +90,9 @@ class Noise(Struct, frozen=True):
 
 
 class Tracker(Struct, frozen=True):
-    """How wrong a tracker's calibration may be: standard deviations, None for what is usual of a tracker.
+    """Uncertainty of a tracker's calibration: standard deviations, None for the usual value of a tracker.
 
-    calibrated: lengths, level and clock were checked against a known object; then what is usual is a 25th of it.
+    calibrated: lengths, level and clock were checked against a known object; the usual value is then a 25th.
     """
 
     calibrated: bool = False
@@ -91,7 +102,7 @@ class Tracker(Struct, frozen=True):
 
 
 class Site(Struct, frozen=True):
-    """Where the shots are taken. indoor: in a closed hall, whose air hardly moves."""
+    """Where the shots are taken. indoor: in a closed hall, where the air hardly moves."""
 
     indoor: bool = False
 
@@ -148,8 +159,8 @@ RADIAN_STEP, RADIAN_SLIP = math.pi / 12.0, 0.005  # clock angles in radians are 
 
 
 def too_large(rig: Rig) -> Iterator[tuple[str, str]]:
-    """Yield the dotted key of each number that is larger than any launcher's, and what it looks like; clock angles in
-    radians, too."""
+    """Yield the dotted key of each number larger than any launcher's, and what it looks like, such as clock angles in
+    radians."""
     clocks = [clock for wheel in rig.launcher.wheel if math.isfinite(clock := wheel.clock_deg) and clock]
     steps = [round(clock / RADIAN_STEP) for clock in clocks]
     if clocks and all(0 < step <= 24 and abs(clock - step * RADIAN_STEP) < RADIAN_SLIP
@@ -166,7 +177,7 @@ def too_large(rig: Rig) -> Iterator[tuple[str, str]]:
 
 
 def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:
-    """Yield the dotted key of each number that cannot be true, and what is wrong with it."""
+    """Yield the dotted key of each impossible number, and what is wrong with it."""
     for key, value in _leaves(msgspec.to_builtins(rig), ""):
         if not isinstance(value, int | float):
             continue
@@ -182,8 +193,24 @@ def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:
                        ("believe.terms", rig.believe.terms)):
         for name in sorted({name for name in names if names.count(name) > 1}):
             yield key, f"{name!r} stands there more than once; keep one"
+    yield from (("launcher.hood.map", what) for what in _map_errors(rig.launcher.hood))
     if rig.target and rig.target.three_half_height_m > rig.target.two_half_height_m:
         yield "target.three_half_height_m", "exceeds two_half_height_m, but three lies inside two"
+
+
+def _map_errors(hood: HoodFacts | UnsetType) -> Iterator[str]:
+    if isinstance(hood, UnsetType):
+        return
+    points = hood.map
+    steps = list(pairwise(points))
+    if len(points) < 2:
+        yield "needs two measured points or more: [[position, degrees], [position, degrees]]"
+    if any(not position < following for (position, _), (following, _) in steps):
+        yield "positions must rise from point to point"
+    if not all(0.0 <= deg <= 90.0 for _, deg in points):
+        yield "a point is [position, degrees above the horizontal]; degrees are from 0 to 90"
+    if len({deg < following for (_, deg), (_, following) in steps}) > 1 or any(a[1] == b[1] for a, b in steps):
+        yield "degrees must rise at each point, or fall at each"
 
 
 def _leaves(value: Any, key: str) -> list[tuple[str, Any]]:

@@ -145,7 +145,7 @@ class Tape(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class AprilTag(Struct, frozen=True, forbid_unknown_fields=True):
-    """Tags of the family 36h11 that hang upright at one height; `behind_m`: the target plane is so far behind them."""
+    """Tags of the family 36h11, hung upright at one height; `behind_m`: distance of the target plane behind them."""
 
     ids: tuple[Annotated[int, msgspec.Meta(ge=0, le=586)], ...]
     side_m: Positive                  # of the black square
@@ -174,7 +174,7 @@ class GateConfig(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Prescribed(Struct, frozen=True, forbid_unknown_fields=True):
-    """One configuration to be shot as it stands."""
+    """One configuration to be shot exactly as given."""
 
     distance_m: Positive              # where the driver is to stand: ball exit to target plane, horizontal
     motor_ratio: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
@@ -182,10 +182,10 @@ class Prescribed(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Deliberately spread set points, aimed by vacuum ballistics times a correction walked by the driver's marks.
+    """Deliberately spread set points, aimed by vacuum ballistics with a correction from the driver's marks.
 
-    With `prescribed` they are those, one after the other, and no mark changes them. It has a default,
-    so that recordings from before it was there still say what they said.
+    If `prescribed` is given, those are shot in order, and marks do not change them. It has a default, so that older
+    recordings keep their meaning.
     """
 
     hood_low_deg: Finite
@@ -229,7 +229,7 @@ class Identify(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class RecordingConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """How much of earlier sessions `truearc run` leaves on the disk; a key that is absent sets no limit.
+    """How much of earlier sessions `truearc run` keeps on the disk; an absent key sets no limit.
 
     Less than 0.1 GB is under a quarter of an hour, less than a day is the day's own practice.
     """
@@ -239,8 +239,8 @@ class RecordingConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_defa
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """launcher.toml. Without [identify] the robot drives nothing to identify it, without [aim] it aims by the plan;
-    recordings from before these sections were there still say what they said."""
+    """launcher.toml. Without [identify] the robot runs no identification; without [aim] it aims by the plan; recordings
+    made before these sections existed keep their meaning."""
 
     tick_hz: Count
     can: Can
@@ -264,13 +264,13 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
 
     @property
     def driving(self) -> named_tables.Driving | None:
-        """What the tick must know of a robot that tells how it drives; None: it is to stand when it shoots."""
+        """What the tick must know of a robot that reports its motion; None: it must stand still to shoot."""
         found = next((table["velocity"] for table in self.readings.values() if "velocity" in table), None)
         return found and named_tables.Driving(found["most_m_s"], found["pointing_deg"], found.get("delay_s", 0.0))
 
     @property
     def is_seen_elsewhere(self) -> bool:
-        """Whether another camera than [camera]'s sees the target."""
+        """Whether a camera other than [camera] sees the target."""
         return any("vision" in table for table in self.readings.values())
 
 
@@ -304,7 +304,7 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 
 
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
-    """As load_toml, of text that came from somewhere called `name`."""
+    """Parse TOML text as load_toml does; `name` is its source."""
     others = _other_tables(errors.parse_table(text, name), text, name) if kind is Config else ()
     plain: Kind = _as_plain(
         errors.parse_struct(text, _beside(kind, others), name, read_axis, table_struct, _known), kind, others)
@@ -347,8 +347,7 @@ def _as_plain(found: Any, kind: Any, others: Sequence[named_tables.ReadingTable]
 
 
 def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
-    """msgspec's dec_hook for an axis or [hood_encoder]: its driver's family states the keys; ValueError says what is
-    wrong."""
+    """Decode an axis or [hood_encoder] (msgspec's dec_hook) by its driver's family; ValueError says what is wrong."""
     driver = table.get("driver") if isinstance(table, dict) else None
     try:
         struct: Any = table_of(kind, table) if isinstance(driver, str) else _AnyDevice
@@ -361,7 +360,7 @@ def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
 
 
 def table_struct(annotation: Any, table: Any) -> Any:
-    """The struct of a field's table: by its annotation, or a device's by its driver; None where there is none."""
+    """Return the struct of a field's table, from its annotation or a device's driver; None if there is none."""
     if (plain := struct_in(annotation)) is not None:
         return plain
     driver = table.get("driver") if isinstance(table, dict) else None
@@ -379,7 +378,7 @@ def _device(annotation: Any) -> Any:
 
 
 def table_of(kind: Any, table: dict[str, Any]) -> Any:
-    """The struct of a device's table, by its driver; kind: Axis or HoodEncoder. Raises as find_family."""
+    """Return the struct of a device's table, by its driver; kind: Axis or HoodEncoder. Raises as find_family does."""
     if kind is HoodEncoder:
         return named_tables.encoder_table(table["driver"], "key" in table)
     return registry.find_family(table["driver"]).axis
@@ -396,7 +395,7 @@ def _known(key: str) -> list[str]:
 
 
 def with_ports(config: Config, can: str | None, buttons: str | None, camera: str | None) -> Config:
-    """`config` with these ports; InputError names one that is none."""
+    """Return `config` with these ports; InputError names one that is invalid."""
     if can is not None:
         interface, channel = split_bus(can, "--can")
         config = replace(config, can=Can(interface, channel, config.can.bitrate))
@@ -408,7 +407,7 @@ def with_ports(config: Config, can: str | None, buttons: str | None, camera: str
 
 
 def split_bus(bus: str, option: str) -> tuple[str, str]:
-    """(interface, channel) of `interface:channel`; the channel may have colons of its own."""
+    """Return (interface, channel) of `interface:channel`; the channel may contain colons."""
     interface, _, channel = bus.partition(":")
     if not interface or not channel:
         raise InputError(f"{option} {bus}: an interface and a channel, such as slcan:/dev/ttyACM0 or socketcan:can0")
@@ -418,25 +417,25 @@ def split_bus(bus: str, option: str) -> tuple[str, str]:
 # --- as a recording keeps it: config.json, and the hash by which session.json names it
 
 def config_hash(config: Config) -> str:
-    """SHA-256 of what the configuration says, however its file was written or the value came here.
+    """Return the SHA-256 of the configuration's content, independent of how it was written or obtained.
 
-    A key that may be left out and has its default counts as left out, so that a later version may add keys.
+    An optional key with its default value counts as absent, so that a later version may add keys.
     """
     table = named_tables.stated(config)
     return _sha256(table | table.pop("readings", {}))
 
 
 def is_hash_of(sha256: str, config: Config) -> bool:
-    """Whether a recording's hash is this configuration's.
+    """Return whether a recording's hash is this configuration's.
 
-    Recordings made until November 2026 hash the encoded text, in which a default was left out only if it was the very
-    same object; read back from its own file, a configuration still encodes as it did then.
+    Recordings made until November 2026 hash the encoded text, which omitted a default only if it was the same object; a
+    configuration read back from its own file is still encoded in that way.
     """
     return sha256 in (config_hash(config), hashlib.sha256(msgspec.json.encode(plain_table(config))).hexdigest())
 
 
 def plain_table(config: Config) -> dict[str, Any]:
-    """The configuration as config.json has it: tables of other distributions stand beside truearc's own."""
+    """Return the configuration as in config.json: tables of other distributions stand beside truearc's own."""
     table: dict[str, Any] = msgspec.to_builtins(config)
     others: dict[str, Any] = table.pop("readings", {})
     last = {key: table.pop(key) for key in ("recording",) if key in table}
@@ -444,9 +443,9 @@ def plain_table(config: Config) -> dict[str, Any]:
 
 
 def config_of(data: dict[str, Any]) -> Config:
-    """The configuration of what config.json has; msgspec.ValidationError where it is none.
+    """Return the configuration in config.json's data; msgspec.ValidationError if it is invalid.
 
-    A table that is not truearc's own is taken as it is, also where its distribution is not installed.
+    A table of another distribution is accepted as it is, even if that distribution is not installed.
     """
     others = {name: part for name, part in data.items()
               if name not in Config.__struct_fields__ and isinstance(part, dict)}

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
-from truearc.errors import InputError, load_text, parse_struct
+from truearc.errors import InputError, load_text, make_toml, parse_struct
 
 # --- units
 
@@ -41,16 +41,18 @@ SUFFIX = re.compile(r"(radians?persec(?:ond)?|rad(?:s)?per?sec|rotations?per(?:s
                     r"meterspersec(?:ond)?|mps|rpm|rps|radians?|rads?|degrees?|degs?|rotations?|rots?|meters?|inches|"
                     r"feet|volts?|seconds?|_rad_s|_m_s|[ _](?:ft|in|cm|mm|yd|m|v|deg|rad))(/\d+|/value)?$",
                     re.IGNORECASE)
+CAMEL = re.compile(r"(?<=[a-z])(MM|Mm|CM|Cm|IN|In|FT|Ft|YD|Yd|M|Deg|DEG|V|Ms|MS)$")      # DistanceMM
 BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\.?\s*[)\]]\s*$")
 
 
 def unit_of(name: str) -> str:
-    """The unit in which a column is read, "" where there is none of another: of exit_speed_m_s not the s, but m_s."""
+    """Return the unit in which a column is read, "" if it has no other: for exit_speed_m_s not s, but m_s."""
     return max((unit for unit in CONVERTED if name.endswith("_" + unit)), key=len, default="")
 
 
 def factor_of(column: str, unit: str) -> tuple[float, float] | None:
-    """(how many of the column's unit are one of the other, its zero); None where it is not a unit of that column."""
+    """Return (number of the column's unit per unit of the other, zero offset); None if it is not a unit of that
+    column."""
     read, other = own_unit(column), UNITS.get(unit.strip().lower())
     if other is None:
         return None
@@ -63,16 +65,17 @@ def factor_of(column: str, unit: str) -> tuple[float, float] | None:
 
 
 def own_unit(column: str) -> str:
-    """The unit of a column of shots, "" for one without."""
+    """Return the unit of a column of shots, "" if it has none."""
     return "rad_s" if column == MOTOR or WHEEL.fullmatch(column) else unit_of(column)
 
 
 def unit_in(key: str) -> str:
-    """The unit that a key's name ends in, alone or in brackets, as UNITS has it; "" for none."""
+    """Return the unit at the end of a key's name, alone or in brackets, as in UNITS; "" for none."""
     last = BRACKETS.search(key)
     if last and last[1].lower() in UNITS:
         return UNITS[last[1].lower()]
-    found = SUFFIX.search((key[:last.start()] if last else key).rstrip())
+    plain = (key[:last.start()] if last else key).rstrip()
+    found = SUFFIX.search(plain) or CAMEL.search(plain)
     return UNITS.get(found[1].lower().lstrip("_ "), "") if found else ""
 
 
@@ -89,10 +92,10 @@ MARKS = {**OUTCOMES, "miss": ("miss", ""), "hit": ("hit", ""), "low": ("miss", "
 
 
 class Signal(Struct, frozen=True, forbid_unknown_fields=True):
-    """A key of the log; what is read of it is `times` x its number + `plus`, then in the unit that it has.
+    """A key of the log; its value is `times` x its number + `plus`, in the stated unit.
 
-    unit: of the number after that; without it what the log states or the key ends in, else the column's own. alive, of
-    advice: a key that changes in each loop of the robot's program; while that does, this one may stand still.
+    unit: of the resulting number; by default what the log states, what the key ends in, or the column's own. alive, for
+    advice: a key that changes in each loop of the robot's program; while it does, this one may stay constant.
     """
 
     key: str
@@ -105,8 +108,8 @@ class Signal(Struct, frozen=True, forbid_unknown_fields=True):
 class Detection(Struct, frozen=True, forbid_unknown_fields=True):
     """How shots are found in a log of signals.
 
-    wheel: the signal whose dips are shots, one of the columns; without it the first wheel. set_point: of that speed.
-    feed: is above `feed_above` while balls are fed. least_dip: share of the speed that a ball takes at least.
+    wheel: the column of the signal whose dips are shots; by default the first wheel. set_point: of that speed. feed:
+    above `feed_above` while balls are fed. least_dip: the smallest share of the speed that a ball takes.
     """
 
     wheel: str = ""
@@ -117,9 +120,12 @@ class Detection(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class OutcomeKeys(Struct, frozen=True, forbid_unknown_fields=True):
-    """How outcomes are known: `key` takes one of `values`, or one of `buttons` is pressed, within `within_s` of the
-    shot. Words: miss, two, three, hit, miss-low, two-high, ...; "rejected" leaves the shot out. otherwise: the word of
-    shots that have no other; without it they are left out."""
+    """How outcomes are determined: `key` takes one of `values`, or one of `buttons` is pressed, within `within_s` of
+    the shot.
+
+    Words: miss, two, three, hit, miss-low, two-high, ...; "rejected" omits the shot. otherwise: the word for shots
+    without one; by default they are omitted.
+    """
 
     key: str = ""
     values: dict[str, str] = {}
@@ -136,7 +142,8 @@ class TimeColumn(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ShotMap(Struct, frozen=True, forbid_unknown_fields=True):
-    """rows: what a row of the file is: a time of a log, a shot, or a position of one ball (then a file is a shot)."""
+    """A map of shots. rows: what a row of the file is: a time of a log, a shot, or a position of one ball (one file per
+    shot)."""
 
     schema: Literal["truearc.shot-map/1"]
     rows: Literal["time", "shot", "position"] = "time"
@@ -148,18 +155,18 @@ class ShotMap(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def as_signal(said: str | Signal) -> Signal:
-    """A key alone is a signal, too."""
+    """Return a signal; a key alone is one, too."""
     return Signal(said) if isinstance(said, str) else said
 
 
 def plain(value: object) -> str:
-    """A value as maps compare it: true and false, numbers without zeros behind, texts in small letters."""
+    """Normalise a value for comparison: booleans, numbers without trailing zeros, lower-case text."""
     if isinstance(value, float):
         return f"{value:g}"
     return {"true": "1", "false": "0"}.get(str(value).strip().lower(), str(value).strip().lower())
 
 
-def _shipped() -> dict[str, str]:
+def installed() -> dict[str, str]:
     """Texts by name, of truearc and of the packages that installed distributions name."""
     folders = (files("truearc.robot.config") / "maps", *(files(point.value) for point in entry_points(group=MAPS)))
     return {one.name.removesuffix(".toml"): one.read_text(encoding="utf-8")
@@ -168,12 +175,12 @@ def _shipped() -> dict[str, str]:
 
 
 def load_map(name_or_path: str | Path, is_column: Callable[[str], bool] = lambda name: True) -> ShotMap:
-    """Read a map by its path, or an installed one by its name; is_column: which columns shots may have.
+    """Read a map from its path, or an installed one by its name; is_column: which columns shots may have.
 
     Raises:
         InputError: names file and key of what is unknown, or the maps that there are.
     """
-    shipped = _shipped()
+    shipped = installed()
     if str(name_or_path) in shipped:
         return _read(shipped[str(name_or_path)], str(name_or_path), is_column)
     if not Path(name_or_path).exists():
@@ -200,3 +207,17 @@ def _read(text: str, name: str, is_column: Callable[[str], bool] = lambda name: 
         if word not in MARKS and word not in NOT_MARKED:
             raise InputError(f"{name}: outcome: {key} = {word!r}: is none of {', '.join(MARKS)}, rejected")
     return found
+
+
+def to_toml(shot_map: ShotMap) -> str:
+    """The text of a shots.toml that is read as this map."""
+    return make_toml({"schema": SCHEMA, **_stated(shot_map)})
+
+
+def _stated(value: Any) -> Any:
+    """A struct as a table of the keys that are not as without a statement."""
+    if isinstance(value, dict):
+        return {key: _stated(part) for key, part in value.items()}
+    return value if not isinstance(value, Struct) else {
+        one.name: _stated(part) for one in structs.fields(value)
+        if (part := getattr(value, one.name)) not in (one.default, {})}

@@ -1,4 +1,4 @@
-"""The contents of the files that make a computer start truearc at boot, and the options that determine them. Text only.
+"""The text of the files that make a computer start truearc at boot, and the options that determine it.
 
 The files are the systemd unit, CAN bring-up, device names and the script that installs them; `files/` has the longer
 ones, with placeholders such as `@USER@`. `truearc/cli/deploy.py` copies them to the computer, with wheels built from
@@ -39,7 +39,7 @@ class Parts(Struct, frozen=True):
 
 
 def make_parts(config: Config, parts: Parts) -> Parts:
-    """`parts`, checked against the configuration; InputError names the option that cannot be."""
+    """Return `parts`, checked against the configuration; InputError names an invalid option."""
     for wrong in (*_missing_plugins(config, parts), *_wrong_names(config, parts), *_wrong_numbers(config, parts)):
         raise InputError(wrong)
     return parts
@@ -113,12 +113,12 @@ PLACES = MappingProxyType({
 
 
 def make_config(text: str, config: Config) -> str:
-    """The robot's launcher.toml: that one, with limits for its recordings where it has no word on them."""
+    """Return the robot's launcher.toml, with limits for its recordings if it states none."""
     return text if config.recording is not None else text.rstrip("\n") + "\n" + RECORDING
 
 
 def make_files(config: Config, parts: Parts) -> dict[str, str]:
-    """Name -> text of every file that is carried over, beside the wheel, configuration and model."""
+    """Return name -> text of every file that is copied, besides the wheel, configuration and model."""
     files = {UNIT: make_unit(config, parts)}
     if config.can.interface == "socketcan":
         files |= {LINK: make_link(config.can.channel, parts.can_serial),
@@ -130,7 +130,8 @@ def make_files(config: Config, parts: Parts) -> dict[str, str]:
 
 
 def make_unit(config: Config, parts: Parts) -> str:
-    """The service. It waits for the CAN interface, but does not fall with it: an unplugged adapter is a HOLD."""
+    """Return the service unit. It waits for the CAN interface but does not stop with it: an unplugged adapter is a
+    HOLD."""
     escaped = config.can.channel.replace("-", "\\x2d")         # as systemd-escape does
     device = f"sys-subsystem-net-devices-{escaped}.device"
     waits = f"Wants={device}\nAfter={device}\n" if config.can.interface == "socketcan" else ""
@@ -141,20 +142,20 @@ def make_unit(config: Config, parts: Parts) -> str:
 
 
 def make_link(channel: str, serial: str) -> str:
-    """The interface's queue and, with the adapter's serial number, its name."""
+    """Return the interface's queue and, with the adapter's serial number, its name."""
     match, name = (f"Property=ID_SERIAL_SHORT={serial}", f"Name={channel}\n") if serial else (
         f"OriginalName={channel}", "")
     return f"[Match]\n{match}\n\n[Link]\n{name}TransmitQueueLength={QUEUE_FRAMES}\n"
 
 
 def make_network(channel: str, bitrate: int) -> str:
-    """The interface's bitrate, and when it tries again after bus-off."""
+    """Return the interface's bitrate, and its retry delay after bus-off."""
     return (f"[Match]\nName={channel}\n\n[Link]\nRequiredForOnline=no\n\n[CAN]\nBitRate={bitrate}\n"
             f"RestartSec={RESTART_MS}ms\n")
 
 
 def make_rules(config: Config, parts: Parts) -> str:
-    """A lasting name for the button box and a fixed exposure for the camera; "" when neither was asked for."""
+    """Return a persistent name for the button box and a fixed exposure for the camera; "" if neither was requested."""
     rules = ""
     if parts.box_usb:
         vendor, product = parts.box_usb.split(":")
@@ -171,7 +172,7 @@ def make_rules(config: Config, parts: Parts) -> str:
 
 
 def make_install(config: Config, parts: Parts, files: tuple[str, ...]) -> str:
-    """What root does on the robot's computer, in the folder that was copied there; exit code: the doctor's."""
+    """Return the script that root runs on the robot's computer in the copied folder; its exit code is the doctor's."""
     networking = ""
     if config.can.interface == "socketcan":
         networking = "\n" + _filled("networking.sh", CHANNEL=config.can.channel)
@@ -198,7 +199,7 @@ IGNORE = shutil.ignore_patterns("__pycache__", "*.pyc", "*.egg-info", "build", "
 
 
 def copy_source(checkout: Path, to: Path) -> Path:
-    """Copy what a wheel of truearc is built from into the new folder `to`; returns `to`."""
+    """Copy the sources of a truearc wheel into the new folder `to`; return `to`."""
     def ignore(folder: str, names: list[str]) -> set[str]:
         others = set(names) - set(PARTS) if Path(folder) == checkout else set()
         return others | IGNORE(folder, names)
@@ -207,5 +208,5 @@ def copy_source(checkout: Path, to: Path) -> Path:
 
 
 def copy_folder(folder: Path, to: Path) -> Path:
-    """Copy a folder without what was built in it; returns `to`."""
+    """Copy a folder without its build products; return `to`."""
     return shutil.copytree(folder, to, ignore=IGNORE)

@@ -16,7 +16,7 @@ def add_page_argument(parser: argparse.ArgumentParser, default: str, note: str =
 
 
 def parse_page(text: str) -> tuple[str, int] | None:
-    """(host, port) of what --page says; None for off; InputError for anything but an address."""
+    """Return (host, port) of --page; None for off; InputError for anything but an address."""
     if text == OFF:
         return None
     host, _, port = text.rpartition(":")

@@ -31,10 +31,10 @@ MAX_AIM_BYTES = 1 << 18
 
 
 class AimInbox:
-    """Looks into a folder for the newest aim file. `aims`: every file that may be aimed by; those offered are added.
+    """Watches a folder for the newest aim file. `aims`: all files that may be used; offered ones are added.
 
-    `offer` is None as long as none has come but the one that the robot started with; an earlier file that is put there
-    again is offered again. A file that is refused is named on stderr, and the last offer stays.
+    `offer` is None until a file other than the initial one arrives; an earlier file that is stored again is offered
+    again. A refused file is named on stderr, and the last offer remains.
     """
 
     def __init__(self, folder: Path, config: Config, session: Path, aims: dict[str, aim_file.AimFile]) -> None:
@@ -52,7 +52,7 @@ class AimInbox:
         self._over.set()
 
     def look(self) -> None:
-        """Offer the newest file, if it is another than the last time, and take what was accepted on the page."""
+        """Offer the newest file if it has changed, and apply what was accepted on the page."""
         self._look_for_acceptance()
         try:
             found = sorted((one.stat().st_mtime_ns, one.name, one.stat().st_size)
@@ -90,7 +90,7 @@ class AimInbox:
 
 
 class OfferingRig(runtime.RigLayer):
-    """A RobotIo whose inputs say which aim file is on offer."""
+    """A RobotIo whose inputs include the offered aim file."""
 
     def __init__(self, rig: runtime.RobotIo, inbox: AimInbox) -> None:
         super().__init__(rig)
@@ -109,9 +109,9 @@ class _Accept(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class AimOrders:
-    """Takes orders for the inbox `folder`, where it makes the token if there is none.
+    """Accepts requests for the inbox `folder`, where it creates the token if there is none.
 
-    On a disk that is full the token stays unknown until the next start. OSError when it cannot be made otherwise.
+    On a full disk the token stays unknown until the next start. OSError if it cannot be created for another reason.
     """
 
     def __init__(self, folder: Path, config: Config) -> None:
@@ -129,7 +129,7 @@ class AimOrders:
                 raise
 
     def keep(self, authorization: str, body: bytes) -> Answer:
-        """Put an aim file into the inbox: 201. QuestionError says why not."""
+        """Put an aim file into the inbox: 201. QuestionError gives the reason otherwise."""
         self._check_token(authorization)
         half = self._folder / f".{secrets.token_hex(8)}"
         try:

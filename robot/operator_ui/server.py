@@ -49,7 +49,8 @@ CLOCK = MonotonicClock()
 
 
 class Places(NamedTuple):
-    """Places for clients whose answers last: `most` in all, `of_address` for one; the last is a known client's."""
+    """Places for clients with long responses: `most` in all, `of_address` per address; the last is for a known
+    client."""
 
     most: int
     of_address: int
@@ -72,9 +73,9 @@ class LocalServer(ThreadingHTTPServer):
         self.url = f"http://{'localhost' if host in WILD else shown}:{self.server_port}/"
 
     def is_own_name(self, host: str) -> bool:
-        """Whether a Host header names this machine: by an address, by its name or by the one that it serves.
+        """Return whether a Host header names this machine: by an address, its name or the name that it serves.
 
-        Another site can make its own name point here (DNS rebinding), and cannot make its name one of these.
+        Another site can make its own name point here (DNS rebinding), but cannot make its name one of these.
         """
         machine = gethostname().lower()
         try:
@@ -84,7 +85,8 @@ class LocalServer(ThreadingHTTPServer):
             return False
 
     def server_bind(self) -> None:
-        """As in the base class, without a look-up of this machine's name, which takes long where no server answers."""
+        """Bind as the base class does, but without looking up this machine's name, which is slow without a name
+        server."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
 
@@ -112,7 +114,7 @@ class LocalServer(ThreadingHTTPServer):
 
     @contextmanager
     def place(self, client: socket, places: Places, is_known: bool | None = False) -> Iterator[bool]:
-        """Whether there is one of these places for `client`, which then keeps it meanwhile.
+        """Return whether `client` gets one of these places, which it then holds.
 
         is_known: None where no client can be known; the last place is then for an address that has none yet.
         """
@@ -131,7 +133,7 @@ class LocalServer(ThreadingHTTPServer):
                 self._placed.pop(client, None)
 
     def handle_error(self, request: socket | tuple[bytes, socket], client_address: Any) -> None:
-        """Ignore a browser that disconnects in the middle of an answer."""
+        """Ignore a browser that disconnects in the middle of a response."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 
@@ -154,7 +156,7 @@ class _Request(RawIOBase):
 
 
 class LocalHandler(BaseHTTPRequestHandler):
-    """What every page's handler needs; the answers are its own."""
+    """Base of every page's handler; subclasses give the answers."""
 
     server: LocalServer
 
@@ -164,12 +166,12 @@ class LocalHandler(BaseHTTPRequestHandler):
         self.rfile = BufferedReader(_Request(self.connection))
 
     def is_ours(self) -> bool:
-        """Whether a page from here asks, rather than one of another site under a name that was made to point here."""
+        """Return whether the request comes from our page, not from another site whose name was made to point here."""
         host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
         return self.server.is_own_name(host) and (origin is None or origin.partition("://")[2] == host)
 
     def give(self, code: int, kind: str, body: bytes, **headers: str) -> None:
-        """Answer; `headers`: further ones, their names with _ for -."""
+        """Send a response; `headers`: further headers, with _ for - in their names."""
         self.give_head(code, kind)
         for name, value in headers.items():
             self.send_header(name.replace("_", "-"), value)
@@ -187,7 +189,7 @@ class LocalHandler(BaseHTTPRequestHandler):
         self.send_header("X-Content-Type-Options", "nosniff")
 
     def log_message(self, format: str, *args: object) -> None:
-        """A line for each picture is of no use to anyone."""
+        """Log nothing: a line for each picture is of no use."""
 
 
 PERIOD_S = 0.05                       # between two events for one browser
@@ -224,11 +226,11 @@ class OperatorPage:
         self._thread.start()
 
     def show(self, tick: Tick) -> None:
-        """The newest tick. Called by one thread; never blocks."""
+        """Keep the newest tick. Called by one thread; never blocks."""
         self._glance = look(self._glance, tick)
 
     def newest(self) -> tuple[int, bytes]:
-        """Number and event of the newest tick; 0 before the first."""
+        """Return the number and event of the newest tick; 0 before the first."""
         glance = self._glance
         if glance.tick is None:
             return self._told
@@ -249,7 +251,8 @@ class OperatorPage:
 
 def open_page(text: str, config: Config, recording: str, clock: Clock,
               gate_command: tuple[str, ...] = (), inbox: Path | None = None) -> OperatorPage | None:
-    """The page that `--page` names; None for "off", and with a warning where it cannot be served: the robot runs on.
+    """Open the page that `--page` names; None for "off" or, with a warning, if it cannot be served: the robot runs
+    on.
 
     `gate_command`: starts the process that answers questions to the gate; empty: the page has no gate.
     `inbox`: folder for aim files; None: the page takes none.
@@ -395,7 +398,7 @@ class _Handler(LocalHandler):
 
 
 def make_page(has_robot: bool) -> bytes:
-    """The page with the part that asks the gate; without a robot it shows that part alone."""
+    """Return the page with the what-if part; without a robot it shows only that part."""
     here = files("truearc.robot.operator_ui")
     page = (here / "page.html").read_bytes().replace(b"<!--what_if.html-->", (here / "what_if.html").read_bytes())
     return page if has_robot else page.replace(b"<html ", b'<html data-robot="none" ', 1)

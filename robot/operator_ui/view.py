@@ -53,7 +53,7 @@ class Glance(Struct, frozen=True):
 
 
 def look(glance: Glance, tick: Tick) -> Glance:
-    """The glance after one more tick, in a time that does not depend on the session's length."""
+    """Return the glance after one more tick, in a time independent of the session's length."""
     for outcome in tick.outcomes:
         glance = _with_outcome(glance, outcome)
     if (shot := tick.shot) is not None:
@@ -86,7 +86,7 @@ class Told(Struct, frozen=True):
 
 
 def load_messages() -> Iterator[Message]:
-    """The messages of driver_messages.toml, most important first."""
+    """Load the messages of driver_messages.toml, most important first."""
     text = (files("truearc.robot.operator_ui") / "driver_messages.toml").read_text(encoding="utf-8")
     for row in tomllib.loads(text)["message"]:
         for code, case in product(_listed(row["code"]), _listed(row.get("case", ""))):
@@ -102,9 +102,9 @@ RANKS = {(message.code.name, message.case): rank for rank, message in enumerate(
 
 
 def tell(reasons: Iterable[Reason]) -> tuple[Told, ...]:
-    """The reasons as messages, most important first.
+    """Return the reasons as messages, most important first.
 
-    Those of other distributions' motors come before all, and so does one without a message, as its log text.
+    Messages of other distributions' motors come first, as does a reason without a message, shown as its log text.
     """
     groups: dict[tuple[object, ...], tuple[int, Message | None, list[Reason]]] = {}
     for reason in reasons:
@@ -116,7 +116,7 @@ def tell(reasons: Iterable[Reason]) -> tuple[Told, ...]:
 
 
 def find_message(reason: Reason) -> Message | None:
-    """The message for a reason; None where there is none."""
+    """Return the message for a reason; None if there is none."""
     case = _case(reason)
     own = find_messages(case if reason.code == bot.MOTOR_ERROR.name else reason.code)
     rank = RANKS.get((reason.code, case), RANKS.get((reason.code, "")))
@@ -159,7 +159,7 @@ class Block(Struct, frozen=True):
 
 
 class Here(Struct, frozen=True):
-    """The robot's configuration, as its gate takes it; None where it is not known."""
+    """The robot's configuration as its gate receives it; None where unknown."""
 
     distance_m: float | None
     motor_ratio: float | None
@@ -167,7 +167,7 @@ class Here(Struct, frozen=True):
 
 
 class Offer(Struct, frozen=True):
-    """An aim file that waits for the driver; `is_open`: the launcher is disarmed, so that it may be accepted."""
+    """An aim file that awaits the driver; `is_open`: the launcher is disarmed, so that it may be accepted."""
 
     sha256: str
     note: str
@@ -188,7 +188,7 @@ class PageView(Struct, frozen=True):
 
 
 def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> PageView:
-    """`tick` is the glance's own; `recording`: where it is recorded, "" = nowhere."""
+    """Return the page's view; `tick` is the glance's own; `recording`: where it is recorded, "" = nowhere."""
     told = tell(tick.verdict.reasons)
     fire = _is_fire(glance, tick, told)
     blocks = (_aim(glance.sighting, tick, config), _robot(tick, recording), _shots(glance),

@@ -1,11 +1,11 @@
 """What-if queries to the gate about arbitrary configurations: parsing, rate limits and answers.
 
-An answer is computed as in the tick: Gate.rate for one configuration at a time, and the reasons for which the verdict
-would hold it. Queries and answers never reach the tick.
+Answers are computed as in the tick: Gate.rate for one configuration at a time, and the reasons why the verdict would be
+HOLD. Queries and answers never reach the tick.
 
 WhatIfProcess answers in a process of its own, so that neither the tick nor the recorder waits for the model. Its
-standard input is one end of a connection: it receives the text of a query, or None for the facts, and sends an answer.
-The first query starts the process, which ends when the connection closes, even if this process crashed.
+standard input is one end of a connection: it receives the text of a query, or None to request the facts, and sends an
+answer. The first query starts the process; it ends when the connection closes, even if its parent has crashed.
 """
 
 import contextlib
@@ -37,7 +37,7 @@ PATIENCE_S = 30.0                     # with an answer: its start included, on a
 
 
 class QuestionError(Exception):
-    """A question that is not answered: HTTP status, `key` it is about ("" the whole), and when to ask again."""
+    """A refused query: HTTP status, the `key` at fault ("" for the whole query), and when to retry."""
 
     def __init__(self, status: int, why: str, key: str = "", retry_s: int = 0) -> None:
         super().__init__(f"{key}: {why}" if key else why)
@@ -45,7 +45,7 @@ class QuestionError(Exception):
 
 
 class Answer(NamedTuple):
-    """The reply: HTTP status, JSON (by gzip where it is long), and after how many seconds to ask again."""
+    """The response: HTTP status, JSON (gzipped if it is long), and after how many seconds to retry."""
 
     status: int
     text: bytes
@@ -57,32 +57,32 @@ class Answer(NamedTuple):
 
 
 def make_answer(said: dict[str, Any], status: int = 200) -> Answer:
-    """An answer, by gzip where it is long."""
+    """Return an answer, gzipped if it is long."""
     text = json.dumps(said, allow_nan=False, separators=(",", ":")).encode()
     return Answer(status, gzip.compress(text, 1, mtime=0) if len(text) > SMALL_BYTES else text)
 
 
 def make_refusal(error: QuestionError) -> Answer:
-    """`error` and `key` as JSON."""
+    """Return a response with `error` and `key` as JSON."""
     return Answer(error.status, json.dumps({"error": str(error), "key": error.key}).encode(), error.retry_s)
 
 
 class Answerer(Protocol):
-    """Who answers: a gate in this process (WhatIf), or one in another (WhatIfProcess). Called by several threads."""
+    """Answers queries: a gate in this process (WhatIf) or in another (WhatIfProcess). Called by several threads."""
 
     def facts(self) -> Answer:
-        """Facts that a page needs: the gate's hash, limits, and the range and domain of each feature."""
+        """Return the facts that a page needs: the gate's hash, limits, and the range and domain of each feature."""
 
     def answer(self, body: bytes) -> Answer:
-        """p_two, p_three, novelty, verdict ("fire" or "hold") and codes of reasons.
+        """Return p_two, p_three, novelty, verdict ("fire" or "hold") and codes of reasons.
 
-        Each is a list over the configurations, unless the question had numbers alone. null: the model gives no number.
-        A refusal is 400 as parse_question states, or 429 where too many were asked.
+        Each is a list over the configurations, unless the query contained only single numbers. null: the model gives no
+        number. A refusal is 400 as parse_question states, or 429 after too many queries.
         """
 
 
 class Question(NamedTuple):
-    """Values of each feature, in the contract's order; all combinations are meant, the last varying fastest."""
+    """Values of each feature, in the contract's order; the query means all combinations, the last varying fastest."""
 
     values: tuple[tuple[float, ...], ...]
     is_single: bool                               # three numbers, no lists: the answer has numbers, no lists, either
@@ -140,9 +140,9 @@ def _shown(value: object) -> str:
 
 
 class WhatIf:
-    """Answers questions with one gate, one question at a time, at most `rate_per_s` configurations per second.
+    """Answers queries with one gate, one at a time, at most `rate_per_s` configurations per second.
 
-    threshold: p_three at least; free_speed_rad_s: of the motors, None where it is not known.
+    threshold: minimum p_three. free_speed_rad_s: of the motors, None if unknown.
     """
 
     def __init__(self, gate: Gate, threshold: float, free_speed_rad_s: float | None, clock: Clock,
@@ -194,7 +194,7 @@ class WhatIf:
 
 
 class WhatIfProcess:
-    """An Answerer in a process of its own, which `command` starts: one that calls serve_questions."""
+    """An Answerer in its own process, started by `command`, which calls serve_questions."""
 
     def __init__(self, command: tuple[str, ...]) -> None:
         self._command = command
@@ -239,7 +239,7 @@ class WhatIfProcess:
 
 
 def serve_questions(answerer: Answerer, line: "Connection[Answer, bytes | None]") -> None:
-    """Answer questions until there are no more."""
+    """Answer queries until there are no more."""
     with contextlib.suppress(EOFError):
         while True:
             question = line.recv()

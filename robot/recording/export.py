@@ -42,7 +42,8 @@ ASSUMED = (
 
 
 class FieldPose(NamedTuple):
-    """The point on the floor below the ball's exit, in m, and the direction of throw, anticlockwise from x, in rad."""
+    """The point on the floor below the ball's exit, in m, and the direction of the throw, anticlockwise from x, in
+    rad."""
 
     x_m: float
     y_m: float
@@ -50,7 +51,7 @@ class FieldPose(NamedTuple):
 
 
 def pose_of(tick: Tick) -> FieldPose | None:
-    """The pose at a tick; None while no distance is known."""
+    """Return the pose at a tick; None while no distance is known."""
     if tick.estimate.distance_m is None:
         return None
     sighting = tick.memory.last_sighting
@@ -59,7 +60,8 @@ def pose_of(tick: Tick) -> FieldPose | None:
 
 
 def in_target_frame(distance_m: float, x_m: float, y_m: float, z_m: float) -> tuple[float, float, float]:
-    """A point of the launcher's frame (x toward the target, y left, z up from the floor) of a robot at a distance."""
+    """Transform a point of the launcher's frame (x toward the target, y left, z up from the floor) for a robot at a
+    distance."""
     return distance_m - x_m, -y_m, z_m
 
 
@@ -111,30 +113,30 @@ def stamp(t_ns: int) -> dict[str, int]:
 
 
 def image(t_ns: int, data: bytes, kind: str) -> dict[str, Any]:
-    """foxglove.CompressedImage of a picture's file."""
+    """Return the foxglove.CompressedImage of a picture's file."""
     return {"timestamp": stamp(t_ns), "frame_id": CAMERA, "data": base64.b64encode(data).decode(), "format": kind}
 
 
 def log(t_ns: int, level: int, message: str) -> dict[str, Any]:
-    """foxglove.Log."""
+    """Return a foxglove.Log."""
     return {"timestamp": stamp(t_ns), "level": level, "message": message, "name": "verdict", "file": "", "line": 0}
 
 
 def pose_in_frame(t_ns: int, pose: FieldPose) -> dict[str, Any]:
-    """foxglove.PoseInFrame of the robot before the target."""
+    """Return the foxglove.PoseInFrame of the robot before the target."""
     return {"timestamp": stamp(t_ns), "frame_id": TARGET,
             "pose": {"position": _place(pose), "orientation": _turn(pose)}}
 
 
 def transform(t_ns: int, pose: FieldPose) -> dict[str, Any]:
-    """foxglove.FrameTransform of the robot before the target."""
+    """Return the foxglove.FrameTransform of the robot before the target."""
     return {"timestamp": stamp(t_ns), "parent_frame_id": TARGET, "child_frame_id": ROBOT,
             "translation": _place(pose), "rotation": _turn(pose)}
 
 
 def scene(t_ns: int, name: str, notes: dict[str, str], lines: Iterable[dict[str, Any]],
           texts: Iterable[dict[str, Any]] = ()) -> dict[str, Any]:
-    """foxglove.SceneUpdate of one entity before the target, which stays until it is replaced."""
+    """Return a foxglove.SceneUpdate of one entity before the target, which stays until it is replaced."""
     entity = {"timestamp": stamp(t_ns), "frame_id": TARGET, "id": name, "lifetime": stamp(0), "frame_locked": False,
               "metadata": [{"key": key, "value": value} for key, value in notes.items()],
               "lines": list(lines), "texts": list(texts), **{kind: [] for kind in _UNUSED}}
@@ -142,14 +144,14 @@ def scene(t_ns: int, name: str, notes: dict[str, str], lines: Iterable[dict[str,
 
 
 def line(kind: int, points: Iterable[Point], thickness_m: float, colour: Colour) -> dict[str, Any]:
-    """foxglove.LinePrimitive."""
+    """Return a foxglove.LinePrimitive."""
     return {"type": kind, "pose": ORIGIN, "thickness": thickness_m, "scale_invariant": False,
             "points": [dict(zip("xyz", point, strict=True)) for point in points], "color": _colour(colour),
             "colors": [], "indices": []}
 
 
 def words(text: str, at: Point, size_m: float, colour: Colour) -> dict[str, Any]:
-    """foxglove.TextPrimitive, turned to whoever looks."""
+    """Return a foxglove.TextPrimitive that faces the viewer."""
     return {"pose": {"position": dict(zip("xyz", at, strict=True)), "orientation": NO_TURN}, "billboard": True,
             "font_size": size_m, "scale_invariant": False, "color": _colour(colour), "text": text}
 
@@ -167,7 +169,8 @@ def _colour(colour: Colour) -> dict[str, float]:
 
 
 class Flights(NamedTuple):
-    """Flights of shots by a belief: {trial: its points before the target}, what they are, and the belief's files."""
+    """Flights of shots under a belief: {trial: its points before the target}, their description, and the belief's
+    files."""
 
     points: Mapping[int, Sequence[Point]]
     what: str
@@ -194,7 +197,7 @@ class ViewerMessages:
         self.images_lost = 0
 
     def write(self, tick: Tick) -> None:
-        """What viewers show of a tick, and the pictures since the last one."""
+        """Write what viewers show of a tick, and the pictures since the last one."""
         t_ns = tick.inputs.t_ns + self._wall.offset_ns
         if not self._is_begun:
             self._begin(t_ns)
@@ -283,10 +286,10 @@ TRIAL_COLUMNS = tuple(Column(name, _KINDS.get(name, tabular.FLOAT), unit_of(name
 
 
 class ExportRows:
-    """A session's ticks, flat, as `columns` says; afterwards `count` of them and the reader's `cut_short`.
+    """A session's ticks as flat rows of `columns`; afterwards `count` and the reader's `cut_short`.
 
-    Trials that trials.jsonl lacks are taken from the ticks, and `missing` counts them; `unlike` those of which the two
-    say different things, where trials.jsonl counts.
+    Trials that trials.jsonl lacks are taken from the ticks and counted in `missing`; `unlike` counts those on which the
+    two disagree, for which trials.jsonl is used.
     """
 
     def __init__(self, session: Path, progress: Callable[[float, str], None]) -> None:
@@ -325,13 +328,13 @@ class ExportRows:
                 self._due.appendleft(trial)       # it was marked in this tick
 
     def trials_in_time(self) -> deque[layout.Trial]:
-        """Trials that are still to be written, by when they were marked; ticks may add to it as they are read."""
+        """Trials that are still to be written, by the time of marking; reading ticks may add to it."""
         self._due = deque(sorted(self.trials, key=lambda trial: trial.outcome.t_ns))
         return self._due
 
 
 def trial_row(trial: layout.Trial) -> list[Value]:
-    """One marked trial under TRIAL_COLUMNS."""
+    """Return one marked trial under TRIAL_COLUMNS."""
     outcome, shot = trial.outcome, trial.shot
     row: list[Value] = [outcome.trial, outcome.t_ns, outcome.outcome, texts(outcome.reasons)]
     names = [column.name.removeprefix("shot_") for column in TRIAL_COLUMNS[len(row):]]
@@ -339,7 +342,8 @@ def trial_row(trial: layout.Trial) -> list[Value]:
 
 
 def write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Path) -> None:
-    """A header of names, whose ends are the units, and a line a row; lists are joined by '; ', absent cells empty."""
+    """Write a header of names that end in their units, and a line per row; lists are joined by '; ', absent cells
+    empty."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow([column.name for column in columns])
@@ -348,8 +352,8 @@ def write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Pa
 
 
 def write_mcap(rows: ExportRows, file: IO[bytes], flights: Flights = NO_FLIGHTS) -> int:
-    """The recording's ticks and trials in one whole file, also where it is cut short or lacks /trial, with topics for
-    viewers; times are the wall clock's. Returns how many images are missing."""
+    """Write the recording's ticks and trials to one complete file, even if it is truncated or lacks /trial, with topics
+    for viewers and wall-clock times. Return how many images are missing."""
     out, wall, trials = TickFile(file), layout.wall_time(rows.header), rows.trials_in_time()
     viewer = ViewerMessages(out.mcap, rows.session, rows.flat, rows.config.rig.target, rows.trials, wall, flights)
 
@@ -367,7 +371,7 @@ def write_mcap(rows: ExportRows, file: IO[bytes], flights: Flights = NO_FLIGHTS)
 
 
 def due(trials: deque[layout.Trial], t_ns: int | None = None) -> Iterator[layout.Trial]:
-    """Take from the front the trials that were marked by a time; all without one."""
+    """Take from the front the trials marked by a time; all of them without one."""
     while trials and (t_ns is None or trials[0].outcome.t_ns <= t_ns):
         yield trials.popleft()
 

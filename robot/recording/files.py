@@ -40,7 +40,7 @@ Row = tuple[int, bytes, list[tuple[Frame, bool]], list[bytes]]
 
 
 class NotKept(OSError):
-    """Bytes cannot be kept, for a reason that no system call gives."""
+    """Bytes cannot be kept, for a reason that no system call reports."""
 
     def __init__(self, reason: Reason) -> None:
         super().__init__(reason)
@@ -79,10 +79,10 @@ class Appender:
         return self._on_disk + len(self._pending)
 
     def flush(self) -> None:
-        """Hand everything to the system, which keeps it even if this process dies; OSError when it refuses.
+        """Pass everything to the system, which keeps it even if this process dies; OSError if it refuses.
 
-        NotKept when the rest is not kept, or when the file has been deleted: writes would succeed, and no one could
-        read them.
+        NotKept if the rest is not kept, or if the file has been deleted: writes would succeed, but nobody could read
+        them.
         """
         file = self.ready()
         while self._pending:
@@ -95,7 +95,7 @@ class Appender:
             raise NotKept(reasons.FILE_DELETED(file=self.path.name))
 
     def sync(self) -> None:
-        """Wait until what was flushed would survive a power cut."""
+        """Wait until flushed data would survive a power cut."""
         os.fsync(self.ready().fileno())
 
     def close(self) -> None:
@@ -103,7 +103,7 @@ class Appender:
             self._file.close()
 
     def ready(self) -> IO[bytes]:
-        """Open the file, if it is not yet; OSError when that cannot be."""
+        """Open the file if it is not open; OSError if that fails."""
         with self._opening:           # writing and syncing have threads of their own
             if self._file is None:
                 if self._prepare is not None:
@@ -116,7 +116,7 @@ class Appender:
 
 
 def lock_trouble(path: Path) -> OSError | None:
-    """Why a file cannot be locked, BlockingIOError while another process writes it; None when it can."""
+    """Return why a file cannot be locked, BlockingIOError while another process writes it; None if it can."""
     try:
         with path.open("rb") as file:
             claim(file)
@@ -135,7 +135,7 @@ def claim(file: IO[bytes]) -> None:
 
 
 def candump_line(frame: Frame, sent: bool, t_ns: int) -> str:
-    """One line of text, times on the rig's monotonic clock: when it was received, or the tick `t_ns` that sent it."""
+    """Return one line of text with the rig's monotonic time: of receipt, or of the tick that sent the frame."""
     t_ns = t_ns if sent else frame.t_ns
     name = f"{frame.arbitration_id:08X}" if frame.is_extended else f"{frame.arbitration_id:03X}"
     data = f"R{len(frame.data) or ''}" if frame.is_remote else frame.data.hex().upper()
@@ -143,7 +143,7 @@ def candump_line(frame: Frame, sent: bool, t_ns: int) -> str:
 
 
 def parse_candump(line: str) -> tuple[Frame, bool] | None:
-    """The frame that `candump_line` wrote, and whether it was sent; None for any other line, a torn one included."""
+    """Return the frame that `candump_line` wrote, and whether it was sent; None for any other or truncated line."""
     match = _LINE.fullmatch(line)
     if match is None:
         return None
@@ -192,7 +192,7 @@ class TickFile:
             for topic, kind in ((layout.TICK_TOPIC, types.Tick), (layout.TRIAL_TOPIC, layout.Trial)))
 
     def write(self, t_ns: int, row: bytes, trials: Sequence[bytes] = ()) -> None:
-        """Add a tick and the trials that were marked in it."""
+        """Add a tick and the trials marked in it."""
         self._add(self._ticks, t_ns, row)
         for trial in trials:
             self.write_trial(t_ns, trial)
@@ -308,7 +308,7 @@ class SessionFiles:
 
 def session_contents(header: layout.Header, config: Config, model: bytes | None = None,
                      aim: bytes | None = None) -> dict[str, bytes]:
-    """Name -> bytes of a session's files that do not grow. The header comes last: it makes the folder a session."""
+    """Return name -> bytes of a session's fixed files. The header comes last: it makes the folder a session."""
     config_json, header_json = (msgspec.json.format(layout.encode_row(value)) + b"\n"
                                 for value in (plain_table(config), header))
     contents = {layout.CONFIG: config_json, layout.MODEL: model, layout.AIM: aim, layout.HEADER: header_json}
@@ -333,7 +333,7 @@ def make_folder(folder: Path, contents: Mapping[str, bytes]) -> None:
 
 
 def append_trials(folder: Path, rows: list[bytes]) -> None:
-    """Append the rows that the writer of the trials did not reach, in place of half a row at the end."""
+    """Append the rows that the writer of the trials did not reach, replacing a truncated last row."""
     with (folder / layout.TRIALS).open("r+b") as file:
         whole = file.read().rfind(b"\n") + 1
         file.seek(whole)
@@ -352,7 +352,7 @@ def save_synced(path: Path, data: bytes) -> None:
 
 
 def load_pictures(session: Path) -> list[layout.Picture]:
-    """The index of the images, oldest first; torn lines are skipped."""
+    """Load the index of the images, oldest first; truncated lines are skipped."""
     path, pictures = session / layout.INDEX, []
     for line in load_bytes(path).split(b"\n") if path.exists() else []:
         with contextlib.suppress(*NO_JSON):
@@ -361,7 +361,7 @@ def load_pictures(session: Path) -> list[layout.Picture]:
 
 
 def load_image(session: Path, picture: layout.Picture) -> CameraFrame | None:
-    """One image as recorded; None when the file is missing, too large, or not a PNG."""
+    """Load one image as recorded; None if the file is missing, too large, or not a PNG."""
     path = session / layout.FRAMES / picture.file
     data = load_bytes(path) if path.is_file() else b""
     is_png = data.startswith(PNG) and len(data) >= PNG_SIZE_AT + 8

@@ -73,15 +73,15 @@ class TickReader:
 
 
 class Damaged(ValueError):
-    """A file is wrong; the text says what and where."""
+    """A damaged file; the text says what is wrong and where."""
 
 
 class TooLarge(InputError):
-    """What would fill the memory."""
+    """A record or chunk that would fill the memory."""
 
 
 def rows_in(file: IO[bytes], size: int, path: Path, topic: str) -> Iterator[bytes]:
-    """The messages of a topic in an open file of `size` bytes, in the file's order.
+    """Yield the messages of a topic in an open file of `size` bytes, in the file's order.
 
     Raises:
         Damaged: the file ends early, or is not what was written; all that was given before is.
@@ -114,7 +114,8 @@ def rows_in(file: IO[bytes], size: int, path: Path, topic: str) -> Iterator[byte
 
 
 def unpack(chunk: Chunk, name: str) -> bytes:
-    """The content of a chunk whose checksum holds; Damaged, or TooLarge, otherwise. name: where it is, for that."""
+    """Return the content of a chunk whose checksum is valid; otherwise Damaged or TooLarge. name: location for
+    errors."""
     if chunk.uncompressed_size > LARGEST:
         raise TooLarge(f"{name}: a chunk that unpacks to {chunk.uncompressed_size} bytes; at most {LARGEST} are read")
     data: bytes
@@ -137,7 +138,7 @@ def unpack(chunk: Chunk, name: str) -> bytes:
 
 
 def split(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """(opcode, content) of the records in an unpacked chunk; Damaged where they are none."""
+    """Yield (opcode, content) of the records in an unpacked chunk; Damaged if they are not records."""
     place = 0
     while place < len(data):
         opcode, length = HEAD.unpack_from(data, place)

@@ -40,18 +40,18 @@ OUTPUTS = ("estimate.", "aim.", "verdict.", "command.", "shot.", "outcomes")   #
 
 
 class Difference(Exception):
-    """The first recomputed value that is not the recorded one; the message names tick and field."""
+    """The first recomputed value that differs from the recorded one; the message names tick and field."""
 
 
 class Replayed(NamedTuple):
-    """What came out bit-equal."""
+    """The amounts that were bit-identical."""
 
     ticks: int
     cut_short: str | None             # what was wrong with the file's tail, if anything
 
 
 class Recomputed(Struct):
-    """How much of the inputs came from the wires again."""
+    """How much of the inputs was recomputed from the wires."""
 
     frames: int = 0                   # parsed again
     seen: int = 0                     # sightings found again in their image
@@ -77,7 +77,7 @@ class Comparer:
 class RecordedRows:
     """Feeds ticks to a ReplayRig while keeping the bytes of the current one.
 
-    Difference where ticks were never recorded, for what follows cannot be recomputed from what came before.
+    Difference if ticks were never recorded, since what follows cannot be recomputed from what came before.
     """
 
     def __init__(self, reader: TickReader) -> None:
@@ -103,7 +103,7 @@ def replay(session: Path) -> Replayed:
 
 
 def replay_frames(session: Path) -> tuple[Replayed, Recomputed]:
-    """As `replay`, with the inputs recomputed, too, from what can0.log and frames/ hold of them."""
+    """Replay as `replay` does, with the inputs also recomputed from can0.log and frames/."""
     done = Recomputed()
     replayed = _replay(session, lambda rows, config: FramesRig(ReplayRig(rows), config, session, done))
     if done.frames == 0:
@@ -134,7 +134,7 @@ def _first_difference(was: bytes, now: bytes) -> str:
 
 
 def find_differences(was: Any, now: Any, prefix: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Dotted name, old and new value of each part that differs between two values of built-in types."""
+    """Return dotted name, old and new value of each part that differs between two values of built-in types."""
     if isinstance(was, list | tuple) and isinstance(now, list | tuple) and len(was) == len(now):
         was, now = dict(enumerate(was)), dict(enumerate(now))
     if isinstance(was, dict) and isinstance(now, dict):
@@ -145,7 +145,7 @@ def find_differences(was: Any, now: Any, prefix: str = "") -> Iterator[tuple[str
 
 
 class LoggedBus:
-    """truearc.hw.protocols.Bus that reads from can0.log as many frames per tick as were read then.
+    """truearc.hw.protocols.Bus that reads as many frames per tick from can0.log as were read when recording.
 
     Written frames are discarded.
     """
@@ -157,7 +157,7 @@ class LoggedBus:
         self._lost: Reason | None = None
 
     def turn(self, inputs: Inputs) -> None:
-        """Go to the tick that had `inputs`."""
+        """Go to the tick with these `inputs`."""
         self._count = inputs.frames
         self._lost = next((fault for fault in inputs.faults if fault.code == CAN_LOST.name), None)
 
@@ -218,7 +218,7 @@ class FramesRig(RigLayer):
                        sighting=self._see(recorded.sighting), faults=self._faults(recorded.faults, parsed.faults))
 
     def write(self, command: Command) -> Sent:
-        """Return what was sent then; drivers get the command, since some of their faults depend on it."""
+        """Return what was sent when recording; drivers get the command, since some of their faults depend on it."""
         self._parser.write(command)
         return self._rig.write(command)
 
@@ -259,7 +259,7 @@ class _NoBox:
 
 
 class Change(Struct):
-    """One output that came out different in some ticks. Largest: of numbers, the largest change."""
+    """One output that differed in some ticks. Largest: of numbers, the largest change."""
 
     name: str
     unit: str
@@ -293,7 +293,7 @@ class Changes(Struct):
 
 
 def find_changes(session: Path, config: Config, gate: Gate | None) -> Changes:
-    """Replay a session's inputs with another configuration or gate; InputError when there is nothing to replay.
+    """Replay a session's inputs with another configuration or gate; InputError if there is nothing to replay.
 
     The inputs stay as recorded: what the robot would have sensed after acting otherwise, no replay can know.
     """
@@ -306,7 +306,7 @@ def find_changes(session: Path, config: Config, gate: Gate | None) -> Changes:
 
 
 def config_changes(was: Config, now: Config) -> list[str]:
-    """Each key that differs, as 'flywheel.pid.kp: 0.03 -> 0.04'."""
+    """Return each key that differs, as 'flywheel.pid.kp: 0.03 -> 0.04'."""
     differences = find_differences(plain_table(was), plain_table(now))
     return [f"{name}: {old} -> {new}" for name, old, new in differences]
 

@@ -61,7 +61,7 @@ class Trial(Struct, frozen=True):
 
 
 class WallTime(NamedTuple):
-    """Wall clock (Unix) less the robot's clock in ns, and how that is known."""
+    """Wall clock (Unix) minus the robot's clock in ns, and how that is known."""
 
     offset_ns: int
     how: str
@@ -73,15 +73,14 @@ decode_trial = msgspec.json.Decoder(Trial).decode
 
 
 def row_schema(kind: type[types.Tick] | type[Trial]) -> bytes:
-    """JSON schema of a tick or a trial. Its root says that it is an object: viewers refuse a root that is a reference.
-    """
+    """Return the JSON schema of a tick or a trial. Its root is an object, since viewers refuse a reference as root."""
     schema = msgspec.json.schema(kind)
     return encode_row({"type": "object", "properties": {}, "allOf": [{"$ref": schema["$ref"]}],
                        "$defs": schema["$defs"]})
 
 
 def make_trials(tick: types.Tick) -> list[Trial]:
-    """What trials.jsonl will say of a tick's outcomes."""
+    """Return the rows of trials.jsonl for a tick's outcomes."""
     shot = tick.memory.last_shot
     return [Trial(outcome, shot if shot is not None and shot.trial == outcome.trial else None)
             for outcome in tick.outcomes]
@@ -89,13 +88,13 @@ def make_trials(tick: types.Tick) -> list[Trial]:
 
 def make_header(config: Config, gate: Gate | None, started: str | None, aim: aim_file.AimFile | None = None,
                 wall_offset_ns: int | UnsetType = UNSET) -> Header:
-    """What session.json will say."""
+    """Return the content of session.json."""
     return Header(FORMAT, version("truearc"), config_hash(config), gate.sha256 if gate else None, config.gate.policy,
                   started, aim.sha256 if aim else UNSET, wall_offset_ns)
 
 
 def load_header(session: Path) -> Header:
-    """session.json; InputError when this is not a session, or one of a newer format."""
+    """Load session.json; InputError if this is not a session, or has a newer format."""
     path = session / HEADER
     if not path.exists():
         raise InputError(f"{path}: not a recording (there is no such file)")
@@ -108,7 +107,7 @@ def load_header(session: Path) -> Header:
 
 
 def load_session_config(session: Path) -> Config:
-    """The configuration a session ran with; InputError when it is not the one its header names."""
+    """Load the configuration of a session; InputError if it is not the one that its header names."""
     header, path = load_header(session), session / CONFIG
     with naming(path):
         config = config_of(msgspec.json.decode(load_bytes(path, MAX_TEXT_BYTES), type=dict[str, Any]))
@@ -118,7 +117,7 @@ def load_session_config(session: Path) -> Config:
 
 
 def load_session_gate(session: Path) -> Gate | None:
-    """The model a session ran with; InputError when it is missing or another."""
+    """Load the model of a session; InputError if it is missing or differs."""
     header, path = load_header(session), session / MODEL
     if header.model_sha256 is None:
         return None
@@ -130,7 +129,7 @@ def load_session_gate(session: Path) -> Gate | None:
 
 
 def load_session_aims(session: Path) -> aim_file.Aims:
-    """The aim files that a session may have aimed by; InputError when the one it started with is missing or another."""
+    """Load the aim files that a session may have used; InputError if the first is missing or differs."""
     header, path = load_header(session), session / AIM
     aims = {one.sha256: one for one in map(aim_file.load_aim, sorted((session / AIMS).glob("*.json")))}
     if header.aim_sha256 is not UNSET:
@@ -143,7 +142,7 @@ def load_session_aims(session: Path) -> aim_file.Aims:
 
 
 def load_trials(session: Path) -> list[Trial]:
-    """Every marked trial in order, a later line replacing an earlier one of the same trial.
+    """Load every marked trial in order; a later line replaces an earlier one of the same trial.
 
     A last line cut short by a power loss is dropped; any other broken line is InputError with its number.
     """
@@ -165,8 +164,8 @@ def load_trials(session: Path) -> list[Trial]:
 
 
 def wall_time(header: Header) -> WallTime:
-    """How to date a session. The robot's clock is monotonic and begins anywhere; that the wall clock was set later
-    makes no difference."""
+    """Return how to date a session. The robot's clock is monotonic with an arbitrary zero, so it does not matter if the
+    wall clock was set later."""
     if header.wall_offset_ns is UNSET:
         return WallTime(0, "an emulated robot's clock, which begins at zero (1970)")
     return WallTime(header.wall_offset_ns, "wall clock, as at the start of the session")

@@ -116,13 +116,14 @@ class Topic(NamedTuple):
     fields: tuple[tuple[int, str, str], ...]
 
     def message(self, row: list[Value]) -> bytes | None:
-        """JSON of one flat tick; None where every value is absent. A list that lacks a number is left out whole."""
+        """Return the JSON of one flat tick; None if every value is absent. A list that lacks a number is omitted
+        entirely."""
         found = {field: row[at] for at, kind, field in self.fields if _is_there(kind, row[at])}
         return msgspec.json.encode(found) if found else None
 
 
 def topics_of(columns: tuple[Column, ...]) -> Iterator[Topic]:
-    """The topics that a flat tick of these columns has."""
+    """Return the topics of a flat tick with these columns."""
     motors = dict.fromkeys(column.name.removeprefix(FLYWHEEL).partition(".")[0] for column in columns
                            if column.name.startswith(FLYWHEEL))
     flywheels = {f"/flywheels/motor_{motor}": (f"flywheel motor {motor} as last heard", f"{FLYWHEEL}{motor}.")

@@ -180,7 +180,7 @@ def _keep_aside(path: Path, damaged: Path) -> None:
 
 
 def salvage(data: bytes) -> Iterator[bytes]:
-    """The ticks of each chunk whose checksum holds, wherever in `data` it lies, in the file's order."""
+    """Return the ticks of each chunk with a valid checksum, wherever in `data` it lies, in the file's order."""
     file, at = BytesIO(data), data.find(NAME)
     while at >= 0:
         rows = _read_chunk(file, at - NAME_AT)
@@ -221,9 +221,9 @@ class _Session(NamedTuple):
 
 
 def prune(running: Path, limits: RecordingConfig, now_s: float) -> list[Path]:
-    """Delete the bulk of earlier sessions beyond the limits, oldest first; returns those that gave theirs up.
+    """Delete bulk data of earlier sessions beyond the limits, oldest first; return the affected sessions.
 
-    A session that another process is recording counts, but keeps everything. What cannot be deleted stays, too.
+    A session that another process is recording counts, but keeps everything. What cannot be deleted also stays.
     """
     total = sum(_bytes(running, name) for name in _names(running))
     sessions = sorted(filter(None, map(_look, _folders(running))))

@@ -74,18 +74,18 @@ class SessionWriter:
         return self._keeper.failed
 
     def trouble(self) -> Reason | None:
-        """Why what is recorded is not reaching the disk; None while it is."""
+        """Why recorded data are not reaching the disk; None while they are."""
         return self._keeper.trouble()
 
     def is_over(self) -> bool:
-        """Whether recording has ended for good, and the last shot is marked or its time for marking is over."""
+        """Whether recording has ended for good and the last shot is marked, or its time for marking is over."""
         if not self._keeper.is_gone():
             return False
         self._gone_ns = self._gone_ns or self._t_ns
         return not self._is_out or self._t_ns - self._gone_ns >= MARKING_NS
 
     def tap(self, frame: Frame, sent: bool) -> None:
-        """Keep one raw CAN frame; `sent` tells ours from the devices'."""
+        """Keep one raw CAN frame; `sent` distinguishes ours from the devices'."""
         self._frames.append((frame, sent))
 
     def record(self, tick: types.Tick, sent: types.Sent) -> None:
@@ -110,7 +110,7 @@ class SessionWriter:
         self._keeper.keep_lateness(encode_row(second))
 
     def close(self) -> None:
-        """Write out what waits and close the files."""
+        """Write out pending data and close the files."""
         self._hand_rows()
         self._keeper.close()
 
@@ -120,9 +120,9 @@ class SessionWriter:
 
 
 class Lane:
-    """One thread that does what it is handed, in order.
+    """One thread that does its jobs in order.
 
-    `trouble` is what the newest job met, None when it went well. `patient`: the caller waits until all earlier jobs
+    `trouble` is the error of the newest job, None if it succeeded. `patient`: the caller waits until all earlier jobs
     are done, instead of losing a job (`dropped`) when too many wait; for the twin, whose time can wait.
     """
 
@@ -147,7 +147,7 @@ class Lane:
         return self._jobs.qsize()
 
     def close(self) -> None:
-        """Do what waits, and end."""
+        """Do the pending jobs, and end."""
         self._jobs.put(None)
         self._thread.join()
 
@@ -187,14 +187,14 @@ class LaneKeeper:
 
     @property
     def trials_kept(self) -> int:
-        """How many of the trials that were handed over the system has."""
+        """How many of the submitted trials the system has."""
         return self._files.trials_kept
 
     def keep_rows(self, rows: list[Row]) -> None:
         self._ticks.hand(partial(self._files.write_ticks, rows))
 
     def keep_trial(self, row: bytes) -> None:
-        """Returns when the system has the row, or after MARK_S."""
+        """Return when the system has the row, or after MARK_S."""
         written = threading.Event()
         self._trials.hand(partial(self._files.write_trial, row, written))
         written.wait(None if self._lossless else MARK_S)
@@ -207,15 +207,15 @@ class LaneKeeper:
         self._slow.hand(partial(self._files.write_lateness, row))
 
     def sync(self) -> None:
-        """Have what was kept survive a power cut, soon."""
+        """Make what was kept survive a power cut soon."""
         self._trials.hand(self._files.flush_trials)
         self._slow.hand(self._files.sync)
 
     def push(self) -> None:
-        """Continue what is waiting; called once per tick."""
+        """Continue pending work; called once per tick."""
 
     def trouble(self) -> Reason | None:
-        """Why what is recorded is not reaching the disk; None while it is."""
+        """Why recorded data are not reaching the disk; None while they are."""
         troubles = (self._files.unmade, *(lane.trouble for lane in self._lanes))
         if (error := next(filter(None, troubles), None)) is not None:
             return disk_trouble(error)
@@ -226,7 +226,7 @@ class LaneKeeper:
         return False
 
     def close(self) -> None:
-        """Write out what waits and close the files."""
+        """Write out pending data and close the files."""
         self._ticks.hand(self._files.finish)
         for lane in self._lanes:
             lane.close()
@@ -240,7 +240,7 @@ class LaneKeeper:
 
 
 def disk_trouble(error: Exception) -> Reason:
-    """The reason that an error of writing stands for."""
+    """Return the reason for a write error."""
     if isinstance(error, NotKept):
         return error.reason
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:
@@ -262,9 +262,9 @@ PENDING_BYTES = 64 << 20              # for a recorder that takes nothing: over 
 
 
 class Message(Struct, frozen=True, omit_defaults=True):
-    """What the recorder is to do, and with what: a method of its keeper; or "open", which comes first, or "end".
+    """A request to the recorder: a method of its keeper and its arguments; or "open", which comes first, or "end".
 
-    Without an "end" the control process has died, and what came before is kept all the same.
+    Without an "end" the control process has died, and everything received before is still kept.
     """
 
     do: str
@@ -291,8 +291,7 @@ class Status(Struct, frozen=True):
 class Desk:
     """Handles messages until the last one.
 
-    `show` is handed the rows of ticks, ten times a second, after they went on their way to the files: the place for
-    whoever shows them to people.
+    `show` receives the rows of ticks ten times a second, after they were passed to the files, for display.
     """
 
     def __init__(self, slots: Slots, clock: Clock, show: Callable[[list[Row]], None],

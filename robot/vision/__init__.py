@@ -30,14 +30,14 @@ DIMMED = 0.5
 
 
 def find_target(frame: CameraFrame, config: Config | CameraFile) -> Sighting:
-    """Find the target of the configuration in one image, the tape or an AprilTag; how far away it is."""
+    """Find the configured target, the tape or an AprilTag, in one image, and its distance."""
     if config.camera.target == "apriltag" and config.apriltag is not None:
         return detect_tag(frame, config.camera, config.apriltag, config.vision)
     return detect(frame, config.camera, config.tape, config.vision)
 
 
 def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision) -> Sighting:
-    """Find the tape in one image and say how far away it is.
+    """Find the tape in one image and measure its distance.
 
     `distance_m` is the horizontal distance from the lens to the tape's centre, along the horizontal line of sight: that
     is the way the ball takes to the target plane. (Straight on it equals the perpendicular distance; off axis the
@@ -65,7 +65,7 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
 
 def look(image: Image, optics: Optics, camera: CameraConfig, tape: Tape,
          vision: Vision) -> tuple[list[tuple[Marks, Pose]], list[tuple[float, Reason]]]:
-    """All that looks like the target; and the area [px] of all else of its colour, and why it does not."""
+    """Return all that looks like the target, the area [px] of everything else of its colour, and why that does not."""
     found: list[tuple[Marks, Pose]] = []
     doubts: list[tuple[float, Reason]] = []
     for region in tape_marks.find_regions(image, vision, vision.min_area_px * optics.scale**2):
@@ -79,7 +79,7 @@ def look(image: Image, optics: Optics, camera: CameraConfig, tape: Tape,
 
 def explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,
             vision: Vision) -> tuple[Marks, Pose] | Reason:
-    """The region as the tape, or why it is not."""
+    """Return the region as the tape, or why it is not."""
     marks = tape_marks.find_outline(region, optics, tape)
     if isinstance(marks, Reason):
         return marks
@@ -90,14 +90,16 @@ def explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,
 
 
 def draw_mask(image: Image, file: CameraFile) -> Image:
-    """White where the colour is the tape's."""
+    """Return an image that is white where the colour is the tape's."""
     mask, _ = tape_marks.mask_colour(image, file.vision)
     return np.asarray(cv2.cvtColor(mask, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def draw_regions(image: Image, file: CameraFile) -> tuple[Image, list[str]]:
-    """The dimmed image with each region outlined and numbered, the target's corners and marks where it is one; and for
-    each region, in its number's order, what it is or why it is not the target."""
+    """Return the dimmed image with each region outlined and numbered, and the corners and marks of the target.
+
+    Also returns, for each region in order, what it is or why it is not the target.
+    """
     drawn: Any = (image * DIMMED).astype(np.uint8)
     optics = geometry.make_optics(file.camera, image.shape[1], image.shape[0])
     said = []
@@ -143,7 +145,7 @@ FEWEST = 8                            # places at which a side must be seen
 
 
 def detect_tag(frame: CameraFrame, camera: CameraConfig, tag: AprilTag, vision: Vision) -> Sighting:
-    """Find a tag in one image and say how far away the target is.
+    """Find a tag in one image and measure the distance of the target.
 
     `distance_m` is the horizontal distance from the lens to the tag's centre, and `tag.behind_m` more. `sigma_m` is one
     standard deviation, from `tag.corner_sigma_px` and the uncertainties of the camera's mounting and calibration.
@@ -175,7 +177,7 @@ def detect_tag(frame: CameraFrame, camera: CameraConfig, tag: AprilTag, vision: 
 
 def explain_tag(quad_px: Array, optics: Optics, camera: CameraConfig, tag: AprilTag,
                 vision: Vision) -> tuple[Pose, Array] | Reason:
-    """The pose of four corners (4, 2) from the top left one, clockwise, or why there is none; and the corners."""
+    """Return the pose of four corners (4, 2), clockwise from top left, or why there is none; and the corners."""
     side_px = float(np.linalg.norm(np.roll(quad_px, 1, axis=0) - quad_px, axis=1).min())
     if side_px < LEAST_SIDE_PX:
         return because.REGION_SMALL()
@@ -187,7 +189,7 @@ def explain_tag(quad_px: Array, optics: Optics, camera: CameraConfig, tag: April
 
 
 def find_tags(grey: Any) -> list[tuple[int, Array]]:
-    """(number, rough corners (4, 2) from the top left one, clockwise) of every tag of the family."""
+    """Return (number, rough corners (4, 2), clockwise from top left) of every tag of the family."""
     times = min(max(round(FINE_PX / grey.shape[1]), 1), MOST_TIMES)
     fine = grey if times == 1 else cv2.resize(grey, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
     quads, numbers, _ = _detector().detectMarkers(fine)
@@ -196,7 +198,7 @@ def find_tags(grey: Any) -> list[tuple[int, Array]]:
 
 
 def refine_corners(grey: Any, quad_px: Array) -> Array | None:
-    """Corners (4, 2) where the lines through the border's edges meet; None where an edge is not seen.
+    """Return corners (4, 2) where the lines through the border's edges meet; None if an edge is not visible.
 
     An edge is where the grey is halfway between black and white, which blur does not move.
     """

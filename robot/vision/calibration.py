@@ -54,7 +54,7 @@ class BoardFit(NamedTuple):
 
 
 def find_board(image: marks.Image, board: Board) -> BoardView | None:
-    """The board's corners in a BGR or grey image, or None when it is not (wholly, for a chessboard) in view."""
+    """Find the board's corners in a BGR or grey image; None if it is not in view (for a chessboard, entirely)."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     if board.marker_m > 0.0:
         return _find_charuco(grey, board)
@@ -77,13 +77,13 @@ def _find_charuco(grey: marks.Image, board: Board) -> BoardView | None:
 
 
 def is_same(view: BoardView, other: BoardView) -> bool:
-    """Whether neither board nor camera has moved between two views: together they say no more than one of them."""
+    """Return whether neither board nor camera moved between two views: together they say no more than one."""
     return view.seen_px.shape == other.seen_px.shape and bool(np.array_equal(view.points_m, other.points_m)) and bool(
         np.abs(view.seen_px - other.seen_px).max() < SAME_PX)
 
 
 def calibrate(views: Sequence[BoardView], camera: CameraConfig) -> BoardFit:
-    """The camera with what the views say of it; they are of its image size, and at least LEAST_VIEWS.
+    """Calibrate the camera from the views, of which there are at least LEAST_VIEWS, all of its image size.
 
     One sigma is the larger of what the corners' scatter gives and of what leaving out one view after another does
     (jackknife): views err as wholes where a board is bent or an exposure shaken.
@@ -135,9 +135,11 @@ class TapedFit(NamedTuple):
 
 def fit_taped(frames: Sequence[CameraFrame], taped_m: Sequence[float], camera: CameraConfig, tape: Tape,
               vision: Vision, *, tape_sigma_m: float, bias_sigma_m: float) -> TapedFit | None:
-    """Least squares of taped horizontal distances against those seen, with what was believed before as two more rows:
-    scale 1 within the calibration's uncertainty, bias as configured within `bias_sigma_m` (how well it is known where
-    the tape measure began). None when the target is found in fewer than LEAST of the images."""
+    """Fit taped horizontal distances to measured ones by least squares, with the prior knowledge as two more rows.
+
+    These are scale 1 within the calibration's uncertainty, and the configured bias within `bias_sigma_m` (how well it
+    is known where the tape measure began). None if the target is found in fewer than LEAST of the images.
+    """
     prior_sigma = camera.focal_sigma or FOCAL_SIGMA
     log_scale, bias_m = 0.0, camera.bias_m
     for _ in range(ROUNDS):

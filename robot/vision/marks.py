@@ -58,7 +58,7 @@ class Region(NamedTuple):
 
 
 def find_regions(image: Image, vision: Vision, min_area_px: float) -> list[Region]:
-    """Regions of at least `min_area_px` in a BGR image (h, w, 3); a region's area is what its outline encloses."""
+    """Return regions of at least `min_area_px` in a BGR image (h, w, 3); a region's area is that within its outline."""
     size = (-(-image.shape[1] // STRIDE), -(-image.shape[0] // STRIDE))
     coarse = cv2.resize(image, size, interpolation=cv2.INTER_NEAREST)
     mask, _ = mask_colour(coarse, vision)
@@ -71,7 +71,7 @@ def find_regions(image: Image, vision: Vision, min_area_px: float) -> list[Regio
 
 
 def mask_colour(image: Image, vision: Vision) -> tuple[Image, Image]:
-    """Where the colour of a BGR image is the tape's (255, else 0), and its HSV value; hue_low > hue_high wraps."""
+    """Return where a BGR image has the tape's colour (255, else 0), and its HSV value; hue_low > hue_high wraps."""
     hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
     low, high = (vision.saturation_low, vision.value_low), (255, 255)
     if vision.hue_low <= vision.hue_high:
@@ -108,13 +108,13 @@ def _regions_in(patch: Image, vision: Vision, min_area_px: float, x0_px: int, y0
 
 
 def check_size(image: Image) -> Reason | None:
-    """None for an image that is large enough to search; else why not."""
+    """Return None for an image that is large enough to search, else why it is not."""
     height_px, width_px = image.shape[:2]
     return IMAGE_TOO_SMALL(width_px=width_px, height_px=height_px) if min(height_px, width_px) < LEAST_PX else None
 
 
 def check_exposure(image: Image) -> Reason | None:
-    """None for an image (h, w, 3) that may be used; else what is wrong with its exposure."""
+    """Return None for a usable image (h, w, 3), else what is wrong with its exposure."""
     blue, green, red = np.ascontiguousarray(image[::SPARSE, ::SPARSE].transpose(2, 0, 1))
     if np.count_nonzero(np.maximum(np.maximum(blue, green), red) >= BRIGHT) > 0.5 * blue.size:
         return IMAGE_BRIGHT()
@@ -124,7 +124,7 @@ def check_exposure(image: Image) -> Reason | None:
 
 
 def is_dark(image: Image, value: int) -> bool:
-    """Whether nothing in an image (h, w, 3) reaches this brightness, where it is looked at."""
+    """Return whether no sampled pixel of an image (h, w, 3) reaches this brightness."""
     return bool(image[::SPARSE, ::SPARSE].max() < value)
 
 
@@ -167,7 +167,7 @@ NEIGHBOURS = np.array([1, 2, 0])
 
 
 class Widening(NamedTuple):
-    """How far outside of where it is an edge along the bottom straight is seen, and what the edges' blur shows."""
+    """How far outside its true position an edge along the bottom straight appears, and what the edges' blur shows."""
 
     shift_px: float
     variance_px2: float
@@ -189,7 +189,7 @@ TRUE_BLURS, SEEN_BLURS = _blurred()
 
 
 def expected_widths(shape: Shape, to_image: Callable[[Array], Array]) -> Array:
-    """(3, SAMPLES): pixels from edge to edge, where `to_image` puts points of the target's plane in the image."""
+    """Return (3, SAMPLES): pixels from edge to edge, where `to_image` projects points of the target's plane."""
     edges = np.stack([shape.samples_m + shape.across_m, shape.samples_m - shape.across_m])
     seen = to_image(edges.reshape(-1, 2)).reshape(2, 3, SAMPLES, 2)
     across = seen[0] - seen[1]
@@ -197,8 +197,11 @@ def expected_widths(shape: Shape, to_image: Callable[[Array], Array]) -> Array:
 
 
 def compare_widths(seen_px: Array, rise_px: Array, good: Any, true_px: Array, clipped: bool) -> Widening | Reason:
-    """Widths at half height and rises of the edges as measured, which of them are good, and widths as marks and tape
-    make them, (3, SAMPLES) each, give the widening; or why this cannot be the tape, whole."""
+    """Return the widening, or why this cannot be the whole tape.
+
+    Arguments, (3, SAMPLES) each: measured widths at half height and rises of the edges, which of them are good, and the
+    widths that follow from marks and tape.
+    """
     count, off = good.sum(axis=1), seen_px - true_px
     width, blur, excess = (np.where(good, part, 0.0).sum(axis=1) / count for part in (true_px, rise_px / GENTLE, off))
     scatter = np.where(good, off - excess[:, None], 0.0)
@@ -228,14 +231,14 @@ def _smear(blur: Array) -> float:
 
 
 class Marks(NamedTuple):
-    """Where the marks are in ideal pixels (4, 2), and the covariance (8, 8) of x0 y0 x1 ... from the edges alone."""
+    """The marks in ideal pixels (4, 2), and the covariance (8, 8) of x0 y0 x1 ... from the edges alone."""
 
     ideal_px: Array
     spread_px2: Array
     smear_px2: float = 0.0            # right or left while the shutter was open, squared; below 0: up or down
 
     def to_image(self, points_m: Array, tape: Tape, optics: Optics) -> Array:
-        """Points (n, 2) of the target's plane -> where these marks put them in the image, whatever the lens."""
+        """Project points (n, 2) of the target's plane into the image by these marks, regardless of the lens."""
         turn = cv2.getPerspectiveTransform(make_shape(tape).marks_m[:, :2].astype(np.float32),
                                            self.ideal_px.astype(np.float32))
         return optics.distort(_map(turn, points_m))
@@ -262,7 +265,7 @@ class _Lines(NamedTuple):
 
 
 def measure_marks(region: Region, rough_px: Array, optics: Optics, tape: Tape) -> Marks | Reason:
-    """The marks near four rough outer corners (4, 2) in the image; or why they cannot be measured."""
+    """Measure the marks near four rough outer corners (4, 2) in the image, or return why they cannot be measured."""
     shape = make_shape(tape)
     turn = cv2.getPerspectiveTransform(shape.corners_m[:, :2].astype(np.float32), rough_px.astype(np.float32))
     origin = np.array([region.x0_px, region.y0_px], dtype=np.float64)
@@ -440,7 +443,7 @@ def _pull_in(marks: Marks, lines: _Lines, widening: Widening) -> Marks:
 
 
 def find_outline(region: Region, optics: Optics, tape: Tape) -> Marks | Reason:
-    """The tape's four marks in a region, or why it cannot be the tape."""
+    """Return the tape's four marks in a region, or why it cannot be the tape."""
     x, y, w, h = cv2.boundingRect(region.contour)
     x, y = x + region.x0_px, y + region.y0_px
     if x == 0 or y == 0 or x + w >= optics.width_px or y + h >= optics.height_px:

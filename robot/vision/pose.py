@@ -66,7 +66,7 @@ class Optics:
     exposures: float                  # this many exposures pass from row to row
 
     def undistort(self, points_px: Any) -> Array:
-        """(n, 2) pixels as seen -> (n, 2) pixels of a perfect pinhole with the same matrix."""
+        """Convert (n, 2) image pixels to pixels of a perfect pinhole with the same matrix."""
         points = np.asarray(points_px, dtype=np.float64).reshape(-1, 2)
         if self.distortion is None or not len(points):
             return points
@@ -74,7 +74,7 @@ class Optics:
         return np.asarray(ideal, dtype=np.float64).reshape(-1, 2)
 
     def distort(self, points_px: Array) -> Array:
-        """The inverse of undistort."""
+        """Invert undistort."""
         if self.distortion is None:
             return points_px
         rays = np.column_stack([points_px, np.ones(len(points_px))]) @ np.linalg.inv(self.matrix).T
@@ -82,8 +82,10 @@ class Optics:
         return np.asarray(seen, dtype=np.float64).reshape(-1, 2)
 
     def smooth_spread(self, points_px: Array, sigma_px: float) -> Array:
-        """(2 n, 2 n): covariance of (n, 2) pixels that a smooth bending of the image displaces by `sigma_px`: what is
-        left of the lens's distortion, a rolling shutter that shakes. Neighbours are displaced together."""
+        """Return (2 n, 2 n): covariance of (n, 2) pixels displaced by a smooth distortion of the image of `sigma_px`.
+
+        This covers the remaining lens distortion and a rolling shutter that shakes. Neighbours are displaced together.
+        """
         away = points_px[:, None, :] - points_px
         near = np.exp(-(away * away).sum(axis=2) / (2.0 * (BEND_SHARE * self.height_px) ** 2))
         spread = np.zeros((2 * len(points_px), 2 * len(points_px)))
@@ -91,7 +93,7 @@ class Optics:
         return spread
 
     def smeared(self, smear_px2: float) -> "Optics":
-        """The same where a motion of the camera is seen: it went on from row to row."""
+        """Return the same covariance if a motion of the camera is visible: it continues from row to row."""
         if smear_px2 == 0.0:
             return self
         right, down = self.turns
@@ -100,8 +102,8 @@ class Optics:
         return replace(self, turns=sideways if smear_px2 > 0.0 else (right, math.hypot(down, seen)))
 
     def camera_spread(self, points_px: Array) -> Array:
-        """(2 n, 2 n): covariance of (n, 2) ideal pixels from the calibration's uncertainty and a camera that turns
-        while its rows are read: then the picture is sheared, or stretched from row to row."""
+        """Return (2 n, 2 n): covariance of (n, 2) ideal pixels from the calibration's uncertainty and a camera that
+        turns while its rows are read, which shears the picture or stretches it from row to row."""
         off = points_px - self.matrix[:2, 2]
         focal, aspect, centre_px = self.doubts
         shifts = np.zeros((6, len(points_px), 2))
@@ -116,8 +118,8 @@ class Optics:
 
 @lru_cache(maxsize=8)
 def make_optics(camera: CameraConfig, width_px: int, height_px: int) -> Optics:
-    """The camera's optics for an image of this size; see the module's text for sizes that are not the calibration's
-    (kept: a camera does not change from image to image)."""
+    """Return the camera's optics for an image of this size, cached; the module docstring describes other sizes than the
+    calibration's."""
     scale = height_px / camera.height_px
     middle_sigma_px = MIDDLE_SIGMA * camera.height_px
     aspect, aspect_sigma = _weigh(math.log(camera.fy_px / camera.fx_px), camera.aspect_sigma, 0.0, SQUARE_SIGMA)
@@ -143,7 +145,7 @@ def _weigh(stated: float, sigma: float, usual: float, usual_sigma: float) -> tup
 
 @dataclass(frozen=True)
 class Shape:
-    """What vision looks for. The arrays are shared and not to be written."""
+    """The shape that vision looks for. The arrays are shared and must not be modified."""
 
     corners_m: Array                  # (4, 3) outer corners: bottom right, bottom left, top left, top right
     marks_m: Array                    # (4, 3) the middle lines' ends, in the same order
@@ -156,7 +158,7 @@ class Shape:
 
 @lru_cache(maxsize=8)
 def make_shape(tape: Tape) -> Shape:
-    """The shape of a tape of these dimensions (kept: a tape does not change from image to image)."""
+    """Return the shape of a tape of these dimensions, cached."""
     marks = _marks_m(tape)
     ends = np.array([(marks[a], marks[b]) for a, b in STRAIGHTS])
     along = ends[:, 1] - ends[:, 0]
@@ -171,14 +173,14 @@ def make_shape(tape: Tape) -> Shape:
 
 
 def outer_corners_m(tape: Tape) -> Array:
-    """(4, 3): bottom right, bottom left, top left, top right."""
+    """Return (4, 3): bottom right, bottom left, top left, top right."""
     top, bottom, high = tape.top_width_m / 2, tape.bottom_width_m / 2, tape.height_m / 2
     return np.array([[bottom, -high, 0.0], [-bottom, -high, 0.0], [-top, high, 0.0], [top, high, 0.0]])
 
 
 @lru_cache(maxsize=8)
 def tag_corners_m(tag: AprilTag) -> Array:
-    """(4, 3): outer corners of a tag's black square in its own frame, from the top left one, clockwise."""
+    """Return (4, 3): outer corners of a tag's black square in its own frame, clockwise from top left."""
     half = tag.side_m / 2
     return np.array([[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]])
 
@@ -226,7 +228,7 @@ class Pose(NamedTuple):
 
 
 def judge_pose(pose: Pose | None, most_px: float, off_shape: Code) -> Pose | Reason:
-    """The pose; or why it cannot be the target's: `off_shape` where the marks are further than `most_px` off."""
+    """Return the pose, or why it cannot be the target's: `off_shape` if the marks are further than `most_px` off."""
     if pose is None:
         return because.NO_POSE()
     if pose.doubt is not None:
@@ -235,7 +237,7 @@ def judge_pose(pose: Pose | None, most_px: float, off_shape: Code) -> Pose | Rea
 
 
 def make_sighting(t_ns: int, pose: Pose, camera: CameraConfig, corners_px: Array, behind_m: float = 0.0) -> Sighting:
-    """The sighting of a target that is `behind_m` further away than what the pose is of."""
+    """Return the sighting of a target that is `behind_m` beyond the object of the pose."""
     return Sighting(t_ns=t_ns, found=True, distance_m=pose.distance_m + behind_m - camera.bias_m,
                     sigma_m=math.hypot(pose.sigma_m, camera.bias_sigma_m), bearing_deg=math.degrees(pose.bearing_rad),
                     corners_px=tuple((float(x), float(y)) for x, y in corners_px))
@@ -243,8 +245,11 @@ def make_sighting(t_ns: int, pose: Pose, camera: CameraConfig, corners_px: Array
 
 def solve_pose(ideal_px: Array, spread_px2: Array, optics: Optics, camera: CameraConfig,
                tape: Tape | AprilTag) -> Pose | None:
-    """Best camera pose for four undistorted marks (4, 2) of a tape, or corners of a tag, with covariance (8, 8), to
-    which the camera's own is added; or None when there is none before the camera."""
+    """Return the best camera pose for four undistorted marks (4, 2) of a tape, or corners of a tag; None if there is
+    none in front of the camera.
+
+    The marks' covariance (8, 8) is increased by the camera's own.
+    """
     model_m = tag_corners_m(tape) if isinstance(tape, AprilTag) else make_shape(tape).marks_m
     count, rvecs, tvecs, errors_px = cv2.solvePnPGeneric(model_m, ideal_px, optics.matrix, None,
                                                          flags=cv2.SOLVEPNP_IPPE)
@@ -325,7 +330,7 @@ def _beliefs(rotation: Array, turning: Array, tvec_m: Array, camera: CameraConfi
 
 
 def horizontal(rotation: Array, turning: Array, tvec_m: Array) -> tuple[float, Array]:
-    """Horizontal distance from lens to tape centre, and its derivative (6,)."""
+    """Return the horizontal distance from lens to tape centre, and its derivative (6,)."""
     x_m, z_m = -rotation[:, 0] @ tvec_m, -rotation[:, 2] @ tvec_m     # the lens in the target's frame
     distance_m = math.hypot(x_m, z_m)
     slope_x = np.concatenate([-(turning[:, :, 0] @ tvec_m), -rotation[:, 0]])

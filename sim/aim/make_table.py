@@ -2,9 +2,9 @@
 
 Rows state the cost of errors, the band of speeds that score, and corrections for a moving robot. A ball thrown from a
 moving robot has the robot's velocity in addition to the launcher's. In a vacuum it would keep that velocity for the
-whole flight; drag removes part of it, unequally along and across. The set point for a target at D is therefore that of
-the distance d from which the carried ball reaches D (d + carry_s * velocity = D), with a speed corrected for the
-resulting change of height (trim).
+whole flight; drag removes part of it, by different amounts along and across the shot. The set point for a target at D
+is therefore that of the distance d from which the carried ball reaches D (d + carry_s * velocity = D), with a speed
+corrected for the resulting change of height (trim).
 """
 
 import json
@@ -84,7 +84,8 @@ class AimRow(NamedTuple):
 
 def make_rows(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float, float],
               progress: Progress) -> tuple[tuple[AimRow, ...], tuple[tuple[float, str], ...]]:
-    """Set points of ascending distances [n] in m, and the distances without one with the reason; hood_deg: limits.
+    """Return set points for ascending distances [n] in m, and the distances without one with the reason; hood_deg:
+    limits.
 
     InputError where no distance has a set point that scores.
     """
@@ -144,14 +145,14 @@ def _band(rig: Rig, belief: Belief, at: tuple[Rows, Rows, Rows], best: Chances) 
 
 
 def beyond(settings: Mapping[str, float], fitted: Mapping[str, list[float]]) -> str:
-    """What of a set point is outside the range of the shots that a belief was fitted to; "" where nothing is."""
+    """Return what of a set point is outside the range of the shots that a belief was fitted to; "" if nothing is."""
     return "; ".join(f"{name} beyond the fitted {fitted[name][0]:.3g} to {fitted[name][1]:.3g}"
                      for name, value in settings.items()
                      if name in fitted and not fitted[name][0] - 1e-9 <= value <= fitted[name][1] + 1e-9)
 
 
 def flown(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> tuple[Rows, Rows]:
-    """(drift to the left in m [n], time of flight in s [n]) at the target; NaN: does not come there."""
+    """Return (drift to the left in m [n], time of flight in s [n]) at the target; NaN: does not reach it."""
     given = _given(rig, belief, distance_m, hood_deg, motor_ratio)
     side_m, flown_s = _flown(rig, belief.coefficients, given, belief.catalogue)
     return np.asarray(side_m), np.asarray(flown_s)
@@ -166,7 +167,7 @@ def _flown(rig: Rig, values: Values, given: Given, among: Catalogue) -> tuple[An
 
 
 def draw_aim(rows: Sequence[Any], refused: Sequence[tuple[float, str]]) -> Figure:
-    """Hood angle, motor speed with the band in which half of the points are left, and probabilities, over distance."""
+    """Draw hood angle, motor speed with the band that keeps half of the points, and probabilities, over distance."""
     figure, (hood, speed, chance) = new_panels(7.0, 7.0, 3, sharex=True)
     x = np.array([row.distance_m for row in rows])
     hood.plot(x, [row.hood_deg for row in rows], "o-", color="#1b5e9b", markersize=3)
@@ -196,7 +197,8 @@ CLOSE_M = 1e-4                        # of the height, which it must meet
 
 
 class OnTheMove(NamedTuple):
-    """Of set points, arrays [n]; NaN where the ball does not come there from a robot at PROBE_M_S.
+    """Motion corrections of set points, arrays [n]; NaN if the ball from a robot at PROBE_M_S does not reach the
+    target.
 
     carry_s, sideways_s: how far the robot's velocity along, and across, carries the ball until the flight from rest
     would be over, m per m/s. trim_s_m, bend_s2_m2: log of the motor's speed by that velocity along, and by its square;
@@ -212,7 +214,7 @@ class OnTheMove(NamedTuple):
 
 def on_the_move(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows,
                 flight_s: Rows) -> OnTheMove:
-    """Fly each set point from a robot that drives at PROBE_M_S to the target, from it and across."""
+    """Fly each set point from a robot that moves at PROBE_M_S toward the target, away from it and across."""
     given = _given(rig, belief, distance_m, hood_deg, motor_ratio)
     among, values = belief.catalogue, belief.coefficients
     ahead, behind, left, rest = (np.asarray(_place(rig, values, given, flight_s, along, across, among))
@@ -294,9 +296,9 @@ INCH_M = 0.0254
 
 @dataclass(frozen=True, eq=False)
 class AimCheck(Printed):
-    """An aim file against the simulator, at distances [n] between its ends.
+    """An aim file checked against the simulator, at distances [n] between its ends.
 
-    points, best: expected points of the file's set points, and of those found again.
+    points, best: expected points of the file's set points, and of those solved anew.
     """
 
     distance_m: Rows
@@ -319,7 +321,7 @@ class AimCheck(Printed):
 
 def aim_bytes(rows: Sequence[AimRow], refused: Iterable[tuple[float, str]], rig: Rig, note: str,
               provenance: dict[str, Any], belief: Belief) -> bytes:
-    """The sealed file; a distance without a set point parts it. InputError where no two neighbours are left."""
+    """Return the sealed file; a distance without a set point splits it. InputError if no two neighbours remain."""
     gaps = [distance_m for distance_m, _ in refused]
     columns = [np.array([getattr(row, name) for row in rows]) for name in FLOWN]
     moving = np.column_stack(on_the_move(rig, belief, *columns))
@@ -366,7 +368,7 @@ def _segment(rows: Sequence[AimRow], moving: Float[np.ndarray, "n 5"]) -> Segmen
 
 
 def has_lead(rows: Iterable[Any]) -> bool:
-    """Whether a set point is aimed beside the target."""
+    """Return whether a set point is aimed beside the target."""
     return any(abs(row.lead_deg) >= LEAST_LEAD_DEG for row in rows)
 
 
@@ -383,7 +385,7 @@ def _lines(head: str, templates: Sequence[str], rows: Iterable[Any], notes: bool
 
 
 def java_text(rows: Iterable[Any]) -> str:
-    """Statements for two edu.wpi.first.math.interpolation.InterpolatingDoubleTreeMap, keyed by distance in m."""
+    """Return statements for two edu.wpi.first.math.interpolation.InterpolatingDoubleTreeMap, keyed by distance in m."""
     lead = has_lead(rows := tuple(rows))
     return _lines("// by truearc aim: distance (m) -> hood (deg above the horizontal), motor (rpm)"
                   + ", lead (deg to the left)" * lead,
@@ -392,7 +394,7 @@ def java_text(rows: Iterable[Any]) -> str:
 
 
 def cpp_text(rows: Iterable[Any]) -> str:
-    """An array that needs no library."""
+    """Return an array that needs no library."""
     lead = has_lead(rows := tuple(rows))
     head = ("// by truearc aim: distance (m), hood (deg above the horizontal), motor (rpm)"
             + ", lead (deg to the left)" * lead + "\nstruct SetPoint { double distance_m, hood_deg, motor_rpm"
@@ -402,7 +404,7 @@ def cpp_text(rows: Iterable[Any]) -> str:
 
 
 def json_3476_text(rows: Iterable[Any]) -> str:
-    """A file as team 3476's shooterconfig.json of 2020: distance in inches, hood in degrees, motor in rpm."""
+    """Return a file like team 3476's shooterconfig.json of 2020: distance in inches, hood in degrees, motor in rpm."""
     configs = [{"distance": round(row.distance_m / INCH_M, 2), "hoodEjectAngle": round(row.hood_deg, 2),
                 "flywheelSpeed": round(row.motor_rad_s * RPM, 1)} for row in rows]
     return json.dumps({"shooterConfigs": configs}, indent=2) + "\n"

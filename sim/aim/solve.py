@@ -38,11 +38,11 @@ Rows = Float[np.ndarray, " n"]
 
 @dataclass(frozen=True, eq=False)
 class Chances:
-    """Of set points, arrays [n].
+    """Probabilities of set points, arrays [n].
 
-    p_two: the ball passes the outer opening (which holds the inner one); p_three: the inner one; points: expected;
-    of a hit-or-miss target p_three is 0 and a hit counts two. height_m: at the target, NaN where the ball does not
-    come there, whose probabilities are 0. per_log_speed: change of that height by the log of the exit speed.
+    p_two: the ball passes the outer opening (which contains the inner one); p_three: the inner one; points: expected;
+    for a hit-or-miss target p_three is 0 and a hit counts as two. height_m: at the target, NaN if the ball does not
+    reach it, with probabilities 0. per_log_speed: derivative of that height by the log of the exit speed.
     """
 
     height_m: Rows
@@ -56,7 +56,7 @@ class Chances:
 
 
 def chances_of(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> Chances:
-    """Probabilities under the belief's covariance, the launcher's scatter and the sensors' noise.
+    """Return probabilities under the belief's covariance, the launcher's scatter and the sensors' noise.
 
     InputError where the rig has no target or no free speed.
     """
@@ -99,7 +99,8 @@ REASONS = ("no set point scores", "the ball does not come so far at the motors' 
 
 def solve(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float, float],
           progress: Progress = lambda done, note: None) -> Solved:
-    """The best set point of each ascending distance, with a hood angle within `hood_deg` (lowest, highest)."""
+    """Solve for the best set point of each ascending distance, with a hood angle within `hood_deg` (lowest,
+    highest)."""
     if rig.launcher.free_speed_rad_s is None or not rig.launcher.wheel:
         raise InputError("rig.toml: launcher: free_speed_rad_s and a wheel are needed to aim")
     count = max(round((hood_deg[1] - hood_deg[0]) / STEP_DEG), 0) + 1
@@ -121,7 +122,7 @@ def solve(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float, flo
 
 
 def best_ratios(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows) -> tuple[Rows, Chances]:
-    """Motor speed over free speed [n] that scores most at a distance with a given hood angle, and its chances."""
+    """Return the best motor speed over free speed [n] at a distance with a given hood angle, and its chances."""
     ratio = _ratios(rig, belief, distance_m, hood_deg, _starts(rig, belief, distance_m, hood_deg)[0])
     return ratio, chances_of(rig, belief, distance_m, hood_deg, ratio)
 

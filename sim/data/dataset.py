@@ -1,7 +1,7 @@
 """Dataset in memory: columns in SI units with one row per shot, and the conditions of the shots."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 from typing import Any, NamedTuple, Self, TypeVar
@@ -18,9 +18,9 @@ Table = TypeVar("Table", bound="ShotSamples")
 
 @dataclass(frozen=True)
 class Shots:
-    """Shots in columns. `numbers`: float64 [n], nan = missing. `texts`: one string a shot, "" = missing.
+    """Shots in columns. `numbers`: float64 [n], nan = missing. `texts`: one string per shot, "" = missing.
 
-    `source`: the file they were read from, for messages about them; `written`: column -> its name there, if another.
+    `source`: the file they were read from, for messages; `written`: column -> its name in the file, if different.
     """
 
     shot_id: tuple[str, ...]
@@ -31,7 +31,7 @@ class Shots:
 
     @classmethod
     def of_settings(cls, distance_m: Floats, hood_deg: Floats, motor_ratio: Floats) -> "Shots":
-        """Shots of configurations [n] alone, numbered from 0."""
+        """Return shots of configurations [n] alone, numbered from 0."""
         return cls(tuple(map(str, range(len(distance_m)))),
                    {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
 
@@ -40,20 +40,20 @@ class Shots:
 
     @property
     def timed(self) -> bool:
-        """Whether every shot has a time, and not all the same; otherwise the order of the shots is unknown."""
+        """Whether every shot has a time, and the times differ; otherwise the order of the shots is unknown."""
         t_s = self.number("t_s")
         return len(t_s) > 0 and bool(np.isfinite(t_s).all() and np.ptp(t_s) > 0.0)
 
     def number(self, name: str) -> Floats:
-        """A numeric column; all nan when the dataset has none of that name."""
+        """Return a numeric column; all nan if the dataset has none of that name."""
         return self.numbers[name] if name in self.numbers else np.full(len(self), np.nan)
 
     def text(self, name: str) -> tuple[str, ...]:
-        """A text column; all "" when the dataset has none of that name."""
+        """Return a text column; all "" if the dataset has none of that name."""
         return self.texts[name] if name in self.texts else ("",) * len(self)
 
     def take(self, index: Any) -> "Shots":
-        """The shots at integer positions or under a boolean mask, in that order."""
+        """Return the shots at integer positions or under a boolean mask, in that order."""
         rows = np.arange(len(self))[np.asarray(index)]
         return Shots(tuple(self.shot_id[row] for row in rows),
                      {name: column[rows] for name, column in self.numbers.items()},
@@ -63,19 +63,19 @@ class Shots:
 
 @dataclass(frozen=True)
 class ShotSamples:
-    """Measurements made through shots. `shot`: row in Shots; all columns [m]."""
+    """Measurements made during shots. `shot`: row in Shots; all columns [m]."""
 
     shot: npt.NDArray[np.int64]
     t_s: Floats
 
     def by_shot(self) -> list[tuple[int, npt.NDArray[np.int64]]]:
-        """(shot, its rows in their order) of each shot that has samples, ascending."""
+        """Yield (shot, its rows in order) of each shot that has samples, ascending."""
         order = np.argsort(self.shot, kind="stable")
         shots, starts = np.unique(self.shot[order], return_index=True)
         return list(zip(shots.tolist(), np.split(order, starts[1:]), strict=True))
 
     def moved(self, place: npt.NDArray[np.int64]) -> Self:
-        """The samples by shot, of shots that have a place (0 or more), which is their new row."""
+        """Return the samples by shot for shots with a place (0 or more), which is their new row."""
         kept = np.flatnonzero(place[self.shot] >= 0)
         rows = kept[np.argsort(place[self.shot[kept]], kind="stable")]
         columns: dict[str, Any] = {name: tuple(column[row] for row in rows) if isinstance(column, tuple) else
@@ -94,7 +94,7 @@ class Tracks(ShotSamples):
 
 @dataclass(frozen=True)
 class Times(ShotSamples):
-    """When the ball came by a height, in s after its release, with the standard deviation of that time."""
+    """When the ball passed a height, in s after its release, with the standard deviation of that time."""
 
     height_m: Floats
     sigma_s: Floats
@@ -102,14 +102,14 @@ class Times(ShotSamples):
 
 @dataclass(frozen=True)
 class Traces(ShotSamples):
-    """Telemetry through shots; `t_s` = 0 when the ball is fed."""
+    """Telemetry during shots; `t_s` = 0 when the ball is fed."""
 
     signal: tuple[str, ...]
     value: Floats
 
     @classmethod
     def of(cls, rows: Sequence[tuple[int, float, str, float]]) -> "Traces | None":
-        """Traces of samples (shot, t_s, signal, value); None of no sample."""
+        """Return traces of samples (shot, t_s, signal, value); None if there are none."""
         if not rows:
             return None
         shot, t_s, signal, value = zip(*rows, strict=True)
@@ -187,10 +187,18 @@ class Dataset(Printed):
         lines += [f"{name}: {len(table.t_s)} samples" for name, table in self.samples.items()]
         return lines + left_out_lines(self.left_out)
 
+    def notes(self) -> tuple[str, ...]:
+        """Return a line for each thing that limits what the shots can show, or that is seldom true of real ones.
 
-def _counted(name: str) -> list[tuple[int, str]]:
+        These are rows that repeat another, shots of one instant, empty cells, outcomes of one kind, a voltage that
+        never moves, and balls that left below the straight line to the opening's lower rim. No command refuses them.
+        """
+        return (*_repeated(self), *_empty(self), *_one_kind(self), *_still(self.shots), *_flat(self))
+
+
+def _counted(name: str) -> tuple[tuple[int, str], ...]:
     """A name to sort by, its numbers as such: day9 before day10."""
-    return [(int(part) if part.isdecimal() else -1, part) for part in re.split(r"(\d+)", name)]
+    return tuple((int(part) if part.isdecimal() else -1, part) for part in re.split(r"(\d+)", name))
 
 
 def _samples(table: ShotSamples, count: int) -> list[tuple[Any, ...]]:
@@ -201,8 +209,104 @@ def _samples(table: ShotSamples, count: int) -> list[tuple[Any, ...]]:
     return [tuple(one) for one in found]
 
 
+# Chosen: copies are few; in a table of settings and outcomes alone, shots that were repeated look like copies
+FEW_COPIES = 0.2                      # share of rows without times, from which equal ones are repeated shots
+MANY_SHOTS = 10                       # from which a voltage of one value is no chance; chosen: a voltmeter's steps
+MOST_EMPTY = 8                        # columns that a line names; chosen: a printed line
+LOST = {"distance_m": "where these shots passed the target is not used",
+        "hood_deg": "without exit_deg these shots are not used", "t_s": "so the order of the shots is not used at all",
+        "motor_ratio": "without wheel speeds or exit_speed_m_s these shots are not used"}
+
+
+def _repeated(dataset: Dataset) -> Iterator[str]:
+    """Rows that are the same as an earlier one but for their name; and other shots of one session's instant."""
+    shots, ids = dataset.shots, dataset.shots.shot_id
+    copies = _again([key[:-1] for key in dataset._keys()])
+    if copies and (shots.timed or len(copies) <= FEW_COPIES * len(ids)):
+        yield (f"rows that repeat an earlier one but for the name: {_listed(ids, copies)}; a shot that is written "
+               "twice counts twice")
+    t_s, copied = shots.number("t_s"), {row for row, _ in copies}
+    instants = [(session, at if np.isfinite(at) else f"row {row}")
+                for row, (session, at) in enumerate(zip(shots.text("session"), t_s.tolist(), strict=True))]
+    same = [pair for pair in _again(instants) if pair[0] not in copied]
+    if same and len(np.unique(t_s[np.isfinite(t_s)])) > 1:            # else no times
+        yield (f"t_s: shots of the instant of an earlier one: {_listed(ids, same)}; was one written twice? If they are "
+               "of two sessions, name these in the column session")
+
+
+def _again(keys: Sequence[Hashable]) -> list[tuple[int, int]]:
+    """(place, place of the first that equals it) of each key that was there before."""
+    first: dict[Hashable, int] = {}
+    return [(row, first[key]) for row, key in enumerate(keys) if first.setdefault(key, row) != row]
+
+
+def _listed(ids: tuple[str, ...], pairs: Sequence[tuple[int, int]]) -> str:
+    first = ", ".join(f"{ids[row]} as {ids[before]}" for row, before in pairs[:3])
+    return f"{len(pairs)} ({first}{', ...' if len(pairs) > 3 else ''})"
+
+
+def _empty(dataset: Dataset) -> Iterator[str]:
+    """Columns with some cells empty, by count; those whose place another column takes do not lack them."""
+    shots, others = dataset.shots, []
+    wheels = [name for name in shots.numbers if name.startswith(WHEEL)]
+    instead = {"hood_deg": ["exit_deg"], "motor_ratio": ["exit_speed_m_s", *wheels]}
+    for name in shots.numbers:
+        cells = [shots.number(one) for one in (name, *instead.get(name, ()))]
+        count = int(np.isnan(cells).all(axis=0).sum())
+        if 0 < count < len(shots) and name in LOST:
+            yield f"{name}: {count} of {len(shots)} empty: {LOST[name]}"
+        elif 0 < count < len(shots) and name not in ("since_last_shot_s", "miss_height_m"):       # often none
+            others.append(f"{name} {count}")
+    if others:
+        more = f" and {len(others) - MOST_EMPTY} more" if len(others) > MOST_EMPTY else ""
+        yield (f"cells empty of {len(shots)}: {', '.join(others[:MOST_EMPTY])}{more}: these shots tell nothing of what "
+               "goes with that column")
+    seen = np.isfinite(shots.number("miss_height_m")) | (np.array(shots.text("outcome")) != "")
+    for table in dataset.samples.values():
+        seen[table.shot] = True
+    if 0 < (count := int((~seen).sum())) < len(shots):
+        yield f"outcome: {count} of {len(shots)} empty: nothing is known of where these shots went"
+
+
+def _one_kind(dataset: Dataset) -> Iterator[str]:
+    """Outcomes that are all alike where nothing else was seen of the flights."""
+    shots = dataset.shots
+    kinds = {word != "miss" for word in shots.text("outcome") if word}
+    if len(kinds) == 1 and not (any(shots.text("side")) or {"tracks", "times"} & set(dataset.samples)
+                                or np.isfinite(shots.number("miss_height_m")).any()):
+        only, other = ("makes", "misses") if True in kinds else ("misses", "makes")
+        yield f"only {only}: nothing can be learnt about {other}; shots of both kinds tell most"
+
+
+def _still(shots: Shots) -> Iterator[str]:
+    voltage = shots.number("battery_v")[np.isfinite(shots.number("battery_v"))]
+    if len(voltage) >= MANY_SHOTS and np.ptp(voltage) == 0.0:
+        yield (f"battery_v: the voltage never moves ({voltage[0]:g} V in {len(voltage)} shots): that of a robot does; "
+               "were these shots simulated?")
+
+
+def _flat(dataset: Dataset) -> Iterator[str]:
+    """Balls that are said to have passed the opening's plane at a known height, but left below the straight line to
+    its lower rim: a ball falls below the line that it leaves along."""
+    target, shots = dataset.facts.target, dataset.shots
+    if target is None:
+        return
+    distance_m, hood_deg = shots.number("distance_m"), shots.number("hood_deg")
+    rim_m = target.centre_height_m + shots.number("miss_height_m") - target.two_half_height_m
+    needed_deg = np.degrees(np.arctan2(rim_m - dataset.facts.launcher.release_height_m, distance_m))
+    lacking_deg = needed_deg - hood_deg
+    flat = np.flatnonzero(lacking_deg > 0.0)
+    if len(flat):
+        worst = flat[np.argmax(lacking_deg[flat])]
+        yield (f"{len(flat)} of {len(shots)} shots leave flatter than a straight line to the opening's lower rim, so "
+               f"that no ball without more lift than weight gets there: {shots.shot_id[worst]} at "
+               f"{distance_m[worst]:.2f} m has {hood_deg[worst]:.1f} deg, where {needed_deg[worst]:.1f} are the least. "
+               "Their hood_deg may be no elevation, or have another zero; what discover names may then only stand for "
+               "that")
+
+
 def join_datasets(first: Dataset, second: Dataset) -> Dataset:
-    """The shots of both, the first's before the second's; name, rig and what was left out are the first's.
+    """Join two datasets, the first's shots before the second's; name, rig and excluded data are the first's.
 
     A column that only one of them has is missing in the other's shots. ValueError when a shot_id is in both.
     """
@@ -238,7 +342,7 @@ LEAST_CHANGE_DEG = 1e-6               # of the hood; less does not count as a mo
 
 
 class Circumstances(NamedTuple):
-    """Conditions that a term may follow: arrays [n], or numbers; by default those of an ordinary shot.
+    """Conditions that a term may depend on: arrays [n], or numbers; by default those of an ordinary shot.
 
     circumstances_of gathers them from a dataset.
     """
@@ -272,14 +376,14 @@ ORDINARY = Circumstances()
 
 
 class Known(NamedTuple):
-    """One circumstance [n], and of which shots the data really say it."""
+    """One circumstance [n], and for which shots the data contain it."""
 
     value: np.ndarray
     said: np.ndarray
 
 
 def circumstances_of(dataset: Dataset) -> Circumstances:
-    """Circumstances of every shot of a dataset, arrays [n]; ordinary ones where the data lack them.
+    """Return the circumstances of every shot of a dataset, arrays [n]; ordinary ones where the data lack them.
 
     battery, density: against the median of the shots that have it. since_last_shot_s: its own column, else differences
     of t_s within the session; the first shot of a session was long after another. age: with ball_id the shots that the
@@ -294,7 +398,7 @@ def circumstances_of(dataset: Dataset) -> Circumstances:
 
 
 def gather_circumstances(dataset: Dataset) -> dict[str, Known]:
-    """{field of Circumstances: its values, and of which shots the data say it}."""
+    """Return {field of Circumstances: its values, and for which shots the data contain it}."""
     shots = dataset.shots
     found = {"battery": _departure(shots.number("battery_v")), "since_last_shot_s": _since(shots), "age": _age(shots),
              "droop": _droop(dataset.traces, len(shots)), "density": _density(shots),
@@ -340,7 +444,7 @@ def _since(shots: Shots) -> np.ndarray:
 
 
 def counts_shots(shots: Shots) -> bool:
-    """Whether `age` counts what each ball has gone through: all balls are known, and when each was shot."""
+    """Return whether `age` counts the shots of each ball: all balls are known, and when each was shot."""
     return shots.timed and all(shots.text("ball_id"))
 
 

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 import msgspec
 import numpy as np
+from msgspec import UnsetType
 
 from truearc.errors import InputError, load_text, make_toml, near_key, parse_struct, parse_table, reworded, unknown_keys
 from truearc.robot.config.rig_spec import Rig, rig_errors
@@ -57,7 +58,7 @@ def load_dataset(directory: str | Path) -> Dataset:
 
 def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
              traces: RawTable | None = None, times: RawTable | None = None, *, has_three: bool = True) -> Dataset:
-    """Check the cells of tables and return them as a dataset; everything wrong is added to `problems`.
+    """Check the cells of tables and return them as a dataset; all errors are added to `problems`.
 
     has_three: whether the rig's half-height of the three was stated; where it was not and shots are hits, every hit
     counts alike.
@@ -67,7 +68,7 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
     """
     if tracks and times:
         raise InputError(f"{times.path}: there are tracks, too: they tell when the ball was where; keep one of the two")
-    shots = cols.in_read_units(shots, cols.is_shot_column, problems)
+    shots = _with_angles(cols.in_read_units(shots, cols.is_shot_column, problems), rig, problems)
     shots, rig = _settle_hits(shots, rig, has_three, problems)
     checked = replace(_shots(shots, problems), written=_names(shots))
     _check_wheels(shots, rig, problems)
@@ -79,8 +80,7 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
 
 
 def hash_dataset(dataset: Dataset) -> str:
-    """SHA-256 of what a dataset says, whether it lay in CSV or Parquet; its name and its columns' order do not count.
-    """
+    """Return the SHA-256 of a dataset's content, in CSV or Parquet, regardless of its name and the order of columns."""
     digest = hashlib.sha256(msgspec.json.encode(dataset.facts, order="deterministic"))
     shots = dataset.shots
     _feed(digest, "shots", {"shot_id": shots.shot_id, **shots.numbers, **shots.texts})
@@ -119,6 +119,20 @@ def _shots(table: RawTable, problems: Problems) -> Shots:
         if name in numbers:
             table.fault(problems, -1, name, f"stands without {' and '.join(lacking)}; a spin needs all three parts")
     return Shots(shot_id, numbers, texts, str(table.path))
+
+
+def _with_angles(table: RawTable, rig: Rig, problems: Problems) -> RawTable:
+    """Add hood_deg from hood_position and the rig's measured points; a problem is a position outside of them."""
+    hood = rig.launcher.hood
+    if isinstance(hood, UnsetType) or cols.SERVO not in table.columns or "hood_deg" in table.columns:
+        return table
+    at, deg = zip(*hood.map, strict=True)
+    position = np.array([cols.parse_number(cell) for cell in table.columns[cols.SERVO]], dtype=float)
+    for row in np.flatnonzero((position < at[0]) | (position > at[-1])):
+        table.fault(problems, int(row), cols.SERVO, f"{position[row]:g} is outside the measured points of "
+                    f"launcher.hood.map, {at[0]:g} to {at[-1]:g}: measure one more angle")
+    cells: list[Cell] = [None if np.isnan(one) else float(np.interp(one, at, deg)) for one in position]
+    return replace(table, columns=table.columns | {"hood_deg": cells})
 
 
 def _check_wheels(table: RawTable, rig: Rig, problems: Problems) -> None:
@@ -252,9 +266,9 @@ def save_dataset(directory: str | Path, dataset: Dataset) -> None:
 
 
 def check_free(directory: str | Path) -> Path:
-    """The directory as a path, if a dataset can go there without touching anybody's files; else InputError.
+    """Return the directory as a path if a dataset can be saved there without touching existing files; else InputError.
 
-    Commands ask before long work what save_dataset would only find out after it.
+    Commands call it before long work, since save_dataset would raise the error only afterwards.
     """
     home = Path(directory)
     if home.exists() and (not home.is_dir() or any(home.iterdir())):
@@ -297,7 +311,7 @@ def load_rig(path: str | Path) -> Rig:
 
 
 def states_three(rig: Rig | str | Path | Mapping[str, Any]) -> bool:
-    """Whether a rig, a rig.toml or its contents give the half-height of the three."""
+    """Return whether a rig, a rig.toml or its contents give the half-height of the three."""
     if isinstance(rig, Rig):
         return True
     table = rig if isinstance(rig, Mapping) else parse_table(load_text(rig), str(rig))

@@ -1,61 +1,86 @@
 """Proposed map of a log or table, guessed from its names, units and numbers."""
 
-import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence, Set
-from contextlib import suppress
-from dataclasses import dataclass
-from itertools import islice, zip_longest
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from msgspec import structs
+from msgspec import UNSET, structs
 
-from truearc.errors import InputError, make_toml
+from truearc.errors import InputError
 from truearc.robot.config import shot_map as maps
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import MOTOR, OutcomeKeys, ShotMap, Signal, own_unit
+from truearc.robot.config.shot_map import MOTOR, OutcomeKeys, ShotMap, Signal, TimeColumn, own_unit
 from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Floats
-from truearc.sim.data.log import TIME, Log, Series, Signals
-from truearc.sim.data.mapped_shots import PLACE, Reading, outcome_text, table_below, times
-from truearc.sim.data.table import SAID_OF_SHOTS, SPELLINGS, RawTable, is_shot_column, load_table, parse_number, read_as
+from truearc.sim.data.log import KEY, TIME, VALUE, Log, Series, state_or_pulse
+from truearc.sim.data.mapped_shots import PLACE, SECONDS, Reading, outcome_text, times
+from truearc.sim.data.table import SAID_OF_SHOTS, SERVO, SPELLINGS, RawTable, is_shot_column, parse_number, read_as
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
-WANTED = {"set", "setpoint", "target", "goal", "desired", "reference", "ref", "command", "commanded", "requested",
-          "wanted", "tgt", "cmd"}
-ODD = {"error", "current", "temp", "temperature", "voltage", "volts", "amps", "position", "sigma", "stddev", "std",
-       "rate", "accel", "acceleration", "torque", "raw", "offset", "limit", "tolerance", "spread", "kp", "ki", "kd",
-       "count"}
-SPIN = {"flywheel", "flywheels", "shooter", "wheel", "wheels", "launcher", "top", "bottom", "upper", "lower", "motor"}
-SPEED = {"velocity", "speed", "rpm", "rps", "rad", "rads"}
-ANGLE = {"angle", "position", "deg", "degrees", "rad", "radians", "elevation", "pitch", "hood"}
-OUTCOME = {"outcome", "outcomes", "result", "results", "score", "scored", "hit", "made", "success", "successful"}
-FILLERS = {"miss", "missed", "too", ""}                # beside a word that says more
-PLAUSIBLE_RAD_S = (20.0, 3000.0)      # of a wheel that throws, at its fastest
+POINTS = {"0", "1"}, {"0", "2", "3"}  # outcomes as numbers
+SPANS = {MOTOR: (20.0, 3000.0), SERVO: (0.0, 1.0)}     # of a wheel that throws, at its fastest; of a servo
+NEARLY_ALL = 0.9                      # share of the numbers that are within the span: -1 is often none
+MOST_RAD = 1.6                        # angles up to here are no degrees
+EPOCH = (("us", 1e14), ("ms", 1e11), ("s", 0.0))       # units of times since 1970, by their size
 MOST_LISTED = 40                      # signals of a message
 MOST_WORDS = 12                       # different texts of a signal of outcomes
+LEAST_V = 5.0                         # of a battery; less is its number
+LEAST_STEP_S, LEAST_ROWS, REGULAR = 0.5, 20, 0.2       # rows of a log are closer, and so many; evenly apart
+OWN = "truearc"                       # a map that comes with truearc
+NO_OUTCOME = "outcome: none found: state outcome in the map, or shots have none"
 GEARED = ("motor_rad_s: taken to be the speed of the motors; where it is that of the wheels, divide by the gear: "
           "times = 1 / gear")
+TWO_POINTS = (": a servo's position, not an angle; measure two angles or more, and state them in rig.toml: "
+              "[launcher.hood] map = [[0.2, 35.0], [0.8, 58.0]]")
+# words of outcomes that may be a miss, too -> what is proposed
+OPEN = {text: word for word, texts in cols.VOCABULARY["open"].items() for text in texts}
 
 
-def not_recognised(name: str, missing: list[str], found: list[str], moving: Signals, kind: str = "signal",
-                   more: str = "") -> InputError:
-    """Columns that are missing, those that were recognised, and the signals to choose from, those that change first."""
-    def told(series: Series) -> str:
-        values = np.asarray(series.values, dtype=float)
-        values = values[np.isfinite(values)]
-        return (f"  {series.name}: {values.min():.4g} to {values.max():.4g} {unit_said(series, '')}".rstrip()
-                if len(values) else f"  {series.name}: no numbers")
-    steady = {key: len(np.unique(series.values[:2000])) <= 2 for key, series in moving.items()}
-    keys = sorted(moving, key=lambda key: (steady[key], key))
-    rest = [f"  and {len(keys) - MOST_LISTED} more"] if len(keys) > MOST_LISTED else []
-    first = (f"{name}: no {kind}'s name, unit and numbers look like {', '.join(missing)}; write a map by hand: "
-             f"docs/how-to/importing.md{more}")
-    return InputError("\n".join([first, *(f"recognised: {line}" for line in found), f"{kind}s with numbers:",
-                                 *(told(moving[key]) for key in keys[:MOST_LISTED]), *rest]))
+@dataclass(frozen=True)
+class Names:
+    """Words of a signal's name: one of `nouns`, or of `loose` where signals are few; one of `kinds`, or such a unit;
+    none of `never`."""
+
+    nouns: Set[str] = frozenset()
+    loose: Set[str] = frozenset()
+    kinds: Set[str] = frozenset()
+    never: Set[str] = frozenset()
+
+
+def _words(listed: Sequence[str]) -> frozenset[str]:
+    """The words of a list of words.toml, and of the groups that it names."""
+    return frozenset(one for word in listed
+                     for one in (_words(cols.VOCABULARY["groups"][word[1:]]) if word.startswith("@") else (word,)))
+
+
+GROUPS = {name: _words(listed) for name, listed in cols.VOCABULARY["groups"].items()}
+NAMED = {column: Names(**{kind: _words(listed) for kind, listed in kinds.items()})
+         for column, kinds in cols.VOCABULARY["names"].items()}
+# what is needed -> the other columns that stand for it
+NEEDED = {"distance_m": (), "hood_deg": ("exit_deg",), MOTOR: ("motor_ratio", "exit_speed_m_s")}
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A map, and a line for each column of how sure it is.
+
+    asked: a question about words of outcomes whose meaning is not certain, "" for none; nothing is imported before it
+    is answered. proposed: what each word of the outcomes may mean.
+    """
+
+    map: ShotMap
+    lines: tuple[str, ...]
+    asked: str = ""
+    proposed: Mapping[str, str] = field(default_factory=dict)
+
+    def to_toml(self) -> str:
+        """The map as a shots.toml, with those lines as comments."""
+        lines = ("".join(mark if mark.isprintable() else " " for mark in line) for line in self.lines)
+        return "".join(f"# {line}\n" for line in lines) + maps.to_toml(self.map)
 
 
 def words_of(key: str) -> list[str]:
@@ -63,168 +88,22 @@ def words_of(key: str) -> list[str]:
     return [word.lower() for word in WORD.findall(key)]
 
 
-def wheel_column(rig: Rig) -> str:
-    """The column of a map that a speed is read as."""
-    wheels = rig.launcher.wheel
-    return MOTOR if rig.launcher.free_speed_rad_s or not wheels else f"wheel_{wheels[0].name}_rad_s"
+def says(key: str, *groups: str) -> Set[str]:
+    """The words of a key that are in one of some groups of words.toml."""
+    return {*words_of(key)} & frozenset().union(*(GROUPS[group] for group in groups))
 
 
-def unit_said(series: Series, default: str) -> str:
+def unit_said(series: Series) -> str:
     """The unit that the log states, or that the key ends in; readers of the map do not see the log's metadata."""
-    return series.unit or maps.unit_in(series.name) or default
+    return series.unit or maps.unit_in(series.name) or maps.UNITS.get("".join(words_of(series.name)[-1:]), "")
 
 
-def unit_note(series: Series, column: str) -> str:
-    """How a line ends that says which signal a column is."""
-    unit = unit_said(series, "")
-    return f", in {unit}" if unit else f", whose unit is not stated: taken as {own_unit(column)}"
-
-
-def best(moving: Signals, column: str, nouns: Set[str], kinds: Set[str], never: Set[str] = WANTED) -> str | None:
-    """The signal whose name has one of the nouns, and of the kinds where there are some, whose numbers can be so."""
-    scored = [(score, key) for key, series in moving.items()
-              if (score := _score(series, words_of(key), column, nouns, kinds, never)) > 0.0]
-    return max(scored, key=lambda one: (one[0], -len(one[1])))[1] if scored else None
-
-
-def _score(series: Series, said: list[str], column: str, nouns: Set[str], kinds: Set[str], never: Set[str]) -> float:
-    unit = unit_said(series, "")
-    factor = maps.factor_of(column, unit) if unit else None
-    of_kind = bool(kinds & set(said)) or factor is not None
-    if not nouns & set(said) or (kinds and not of_kind) or never & set(said) or (ODD - kinds - nouns) & set(said):
-        return 0.0
-    if unit and factor is None:
-        return 0.0
-    scale, zero = factor or (1.0, 0.0)
-    values = (np.asarray(series.values, dtype=float) - zero) * scale
-    values = np.abs(values[np.isfinite(values)]) if column == MOTOR else values[np.isfinite(values)]
-    low, high = PLAUSIBLE_RAD_S if column == MOTOR else cols.RANGES[column]
-    if not (low <= values.max(initial=-np.inf) <= high) or (column != MOTOR and values.min() < low):
-        return 0.0
-    varies = len(np.unique(values[:2000])) > 3
-    return (1.0 + (factor is not None) + varies + 0.5 * len(nouns & set(said)) + (said[-1] in nouns | kinds)
-            + 0.5 * bool({"hub", "goal", "speaker", "target"} & set(said)))
-
-
-def meanings(texts: Iterable[str]) -> dict[str, str]:
-    """{text: word of a map} of texts that are known to say how a shot ended; in small letters, without ""."""
-    return {text: word for text in texts if text and (word := _meaning_of(text)) is not None}
-
-
-def _meaning_of(text: str) -> str | None:
-    if text in maps.MARKS or text in maps.NOT_MARKED:
-        return text
-    if text in SPELLINGS:
-        return SPELLINGS[text] or maps.NOT_MARKED[0]
-    rest = " ".join(word for word in re.split(r"[^\w/]+", text) if word not in FILLERS)
-    word = SAID_OF_SHOTS.get(rest, "")
-    return SAID_OF_SHOTS.get(text) or (word if word.startswith("miss") else None)
-
-
-def outcome_lines(key: str, values: Mapping[str, str], counts: Mapping[str, int]) -> list[str]:
-    """Which signal says the outcome and what its texts are taken to mean; then those that are not known."""
-    meant = [f"{text} = {word}" for text, word in values.items() if text not in ("", word)]
-    lines = [f"outcome: {key}" + (f": {', '.join(meant)}" if meant else "")]
-    if "" in values:
-        lines.append(f"outcome: {key}: empty ({times(counts[''])}): left out")
-    odd = [f"{text!r} ({times(counts[text])})" for text in counts if text and text not in values]
-    if odd:
-        lines.append(f"outcome: {key}: not known: {', '.join(odd)}; add {'them' if odd[1:] else 'it'} to "
-                     "outcome.values in shots.toml")
-    return lines
-
-
-PULSE_S = 0.2, 2.0                    # a fall sooner after a shot is none of its outcome's; a pulse is shorter
-FALLS = 2                             # of a state, at least
-OWN = "truearc"                       # a map that comes with truearc
-BOOLEAN = {0.0}, {1.0}, {0.0, 1.0}      # values of such a signal
-NO_OUTCOME = "outcome: none found: state outcome in the map, or shots have none"
-
-
-@dataclass(frozen=True)
-class Guess:
-    """A map, and a line for each column of how sure it is."""
-
-    map: ShotMap
-    lines: tuple[str, ...]
-
-    def to_toml(self) -> str:
-        """The map as a shots.toml, with those lines as comments."""
-        columns = {name: _plain(said) for name, said in self.map.columns.items()}
-        shots = {name: _plain(said) for name in ("wheel", "set_point", "feed")
-                 if (said := getattr(self.map.shots, name))}
-        outcome = {name: said for name in ("key", "values", "buttons") if (said := getattr(self.map.outcome, name))}
-        rows = {} if self.map.rows == "time" else {"rows": self.map.rows}
-        table = {"schema": maps.SCHEMA, **rows, "columns": columns, **({"shots": shots} if shots else {}),
-                 **({"outcome": outcome} if outcome else {})}
-        lines = ("".join(mark if mark.isprintable() else " " for mark in line) for line in self.lines)
-        return "".join(f"# {line}\n" for line in lines) + make_toml(table)
-
-
-def _plain(said: str | Signal) -> str | dict[str, object]:
-    return said if isinstance(said, str) else {name: value for name in ("key", "unit", "times", "plus")
-                                               if (value := getattr(said, name)) != getattr(Signal(""), name)}
-
-
-def guess_map(log: Log, rig: Rig, name: str) -> Guess:
-    """Propose a map for a log.
-
-    Raises:
-        InputError: no signal looks like the speed of a wheel, or like a distance, or like a hood's angle; it lists what
-            was recognised and the signals that there are.
-    """
-    own = maps.load_map(OWN)
-    if all(maps.as_signal(said).key in log for said in own.columns.values()):
-        return Guess(own, (f"a session of truearc: the map {OWN}",))
-    words = {key: words_of(key) for key in log}
-    moving = {key: series for key, series in log.items() if series.numeric and len(series.t_s) > 1}
-    lines: list[str] = []
-    missing: list[str] = []
-    columns: dict[str, Signal] = {}
-    speed = best(moving, "motor_rad_s", SPIN, SPEED)
-    column = wheel_column(rig)
-    for wanted, key in (("distance_m", best(moving, "distance_m", {"distance", "dist", "range"}, set())),
-                        ("hood_deg", best(moving, "hood_deg", {"hood", "pivot", "elevation", "pitch"}, ANGLE)),
-                        (column, speed)):
-        if key is None:
-            missing.append(wanted)
-            continue
-        columns[wanted] = Signal(key, unit=unit_said(log[key], own_unit(wanted)))
-        lines.append(f"{wanted}: {key}{unit_note(log[key], wanted)}")
-    if missing:
-        raise not_recognised(name, missing, lines, moving)
-    if column == MOTOR:
-        lines.append(GEARED)
-    battery = best(moving, "battery_v", {"battery", "bus"}, {"voltage", "volts", "v"})
-    if battery is not None:
-        columns["battery_v"] = Signal(battery, unit=unit_said(log[battery], own_unit("battery_v")))
-        lines.append(f"battery_v: {battery}")
-    set_point = _set_point(log, words, log[columns[column].key], columns[column].unit)
-    feed = _feed(log, words)
-    shot_map = ShotMap(maps.SCHEMA, columns={**columns}, shots=maps.Detection(set_point=set_point, feed=feed))
-    outcome, marked_by = _outcome(log, words, Reading(Path(name), log, shot_map, rig))
-    wanted = set_point.key if set_point else "none found: spinning down may look like a ball"
-    lines += [f"set point of the speed: {wanted}",
-              f"feeder: {feed or 'none found: every dip of the speed is a shot'}", *marked_by]
-    return Guess(structs.replace(shot_map, outcome=outcome), tuple(lines))
-
-
-def _set_point(log: Log, words: dict[str, list[str]], speed: Series, unit: str) -> Signal | None:
-    """A signal of the same words, but wanted, that the speed follows; unit: of the speed, and of it if none is stated.
-    """
-    mine = set(words_of(speed.name))
-    found = []
-    for key in log:
-        said = set(words[key])
-        series = log[key]
-        if key == speed.name or not series.numeric or not WANTED & said or not (SPIN | SPEED) & said:
-            continue
-        if (ODD - {"rad"}) & said:
-            continue
-        own, theirs = maps.factor_of(MOTOR, unit_said(series, unit)), maps.factor_of(MOTOR, unit)
-        if own and theirs and 0.5 * (top := own[0] * _top(series)) < theirs[0] * _top(speed) < 2.0 * top:
-            found.append((len(mine & said), -len(said), key))
-    return Signal(max(found)[2], unit=unit_said(log[max(found)[2]], unit)) if found else None
+def unit_seen(series: Series, column: str) -> str:
+    """The unit that the numbers have by their size, where that is certain; else ""."""
+    top = _top(series)
+    if column == "hood_deg" and top <= MOST_RAD and says(series.name, "tilt"):
+        return "rad"
+    return next(unit for unit, least in EPOCH if top > least) if column == "t_s" and top > EPOCH[1][1] else ""
 
 
 def _top(series: Series) -> float:
@@ -232,168 +111,89 @@ def _top(series: Series) -> float:
     return float(values[np.isfinite(values)].max(initial=0.0))
 
 
-def _feed(log: Log, words: dict[str, list[str]]) -> str | None:
-    """A boolean that names the feeder."""
-    nouns = {"feed", "feeder", "feeding", "kicker", "indexer", "trigger", "fire", "firing", "shoot", "shooting"}
-    found = [(len(nouns & set(words[key])), -len(words[key]), key) for key, series in log.items()
-             if nouns & set(words[key]) and series.numeric and len(series.t_s) > 1
-             and set(np.unique(series.values).tolist()) == {0.0, 1.0}]
-    return max(found)[2] if found else None
+def time_column(table: RawTable) -> TimeColumn | None:
+    """The column of time of a log; None of a table with a row per shot, whose times are further apart."""
+    if {TIME, KEY, VALUE} <= set(table.columns):
+        return TimeColumn()
+    for name in sorted(table.columns, key=lambda name: name != TIME):
+        numbers = np.array([number for cell in table.columns[name] if (number := parse_number(cell)) is not None])
+        if (not says(name, "times") or says(name, "durations")
+                or len(numbers) < max(LEAST_ROWS, 0.5 * len(table.lines))):
+            continue
+        steps = np.abs(np.diff(numbers))
+        step = float(np.median(steps))
+        loops = name == TIME and step >= 5.0 and np.median(np.abs(steps - step)) <= REGULAR * step       # no seconds
+        series = Series(name, numbers, numbers)
+        unit = unit_said(series) or unit_seen(series, "t_s")
+        unit = unit if unit in SECONDS else "s" if not loops else "ms" if step < 5000.0 else "us"
+        if step / SECONDS[unit] < LEAST_STEP_S:
+            return TimeColumn(name, unit)              # type: ignore[arg-type]
+    return None
 
 
-def _outcome(log: Log, words: dict[str, list[str]], reading: Reading) -> tuple[OutcomeKeys, list[str]]:
-    """A text of outcomes that are known here, or a boolean that names a hit and stands until the next outcome."""
-    found = list[tuple[bool, int, str, dict[str, str], Counter[str]]]()
-    for key, series in log.items():
-        if not series.numeric and len(set(series.values)) <= MOST_WORDS:
-            counts = Counter(str(value).strip().lower() for value in series.changes().values)
-            values = meanings(counts)
-            named = bool(OUTCOME & set(words[key]))
-            # of another name, only the words of maps: that something is in or out is said of more than balls
-            if len(values if named else [text for text in values if text in {*maps.MARKS, *maps.NOT_MARKED}]) >= 2:
-                found.append((named, -len(found), key, values, counts))
-    if found:
-        *_, key, values, counts = max(found, key=lambda one: one[:2])
-        return OutcomeKeys(key=key, values=values), outcome_lines(key, values, counts)
-    nouns = {"scored", "successful", "success", "hit", "made"}
-    for key, series in log.items():
-        if nouns & set(words[key]) and series.numeric and set(np.unique(series.values).tolist()) in BOOLEAN:
-            values, said = _meaning(log[key], reading.shots().t_s)
-            return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), [f"outcome: {key}: {said}"]
-    return OutcomeKeys(), [NO_OUTCOME]
+def guess_map(source: Log | Sequence[RawTable], rig: Rig, name: str, *, time: TimeColumn | None = None,
+              has_three: bool = True, outcomes: Mapping[str, str] | None = None) -> Guess:
+    """Propose a map for a log, or for tables whose rows are shots.
 
-
-def _meaning(scored: Series, shots_s: Floats) -> tuple[dict[str, str], str]:
-    """(values of an outcome's boolean, what they are taken to mean); no values where the log leaves that open.
-
-    A state falls by the outcome of a later shot. A pulse falls by itself, whatever comes next.
-    """
-    edges = scored.changes()
-    up = np.flatnonzero(np.asarray(edges.values[:-1]) > 0.5)     # of the last rise without a fall neither counts
-    rose, fell = edges.t_s[up], edges.t_s[up + 1]
-    state = [bool(((shots_s > up) & (shots_s < down - PULSE_S[0])).any()) for up, down in zip(rose, fell, strict=True)]
-    if len(state) >= FALLS and all(state) and (fell - rose > PULSE_S[1]).all():
-        return {"true": "hit", "false": "miss"}, "true is a hit, false a miss"
-    if state and not any(state) and (fell - rose < PULSE_S[1]).all():
-        return {"true": "hit"}, ("is true for a moment after a hit; shots without it are left out. If they missed, "
-                                 "state outcome.otherwise = \"miss\"")
-    return {}, "left out: it may be a state or a pulse; state outcome in the map, or shots have none"
-
-
-# column of shots -> (words that name it, words beside one that do not say what it is of, words of something else)
-NAMED = {
-    "distance_m": ({"distance", "dist", "range"}, set[str](), WANTED - {"target", "goal"}),
-    "hood_deg": ({"hood", "pivot", "elevation", "pitch", "angle"}, ANGLE,
-                 WANTED | {"turret", "robot", "heading", "yaw", "azimuth", "gyro", "exit", "entry"}),
-    MOTOR: (SPIN | {"speed", "velocity", "rpm"}, SPEED,
-            WANTED | {"exit", "ball", "robot", "wind", "drive", "feeder", "intake", "spin", "backspin"}),
-    "battery_v": ({"battery", "voltage", "volts", "bus"}, set[str](), WANTED | {"motor", "sensor"}),
-    "temperature_c": ({"temp", "temperature"}, set[str](), {"motor", "wheel", "flywheel", "battery", "ball"}),
-    "t_s": ({"time", "clock"}, set[str](), {"flight", "air", "hang", "spinup", "up", "recovery"}),
-}
-NEEDED = ("distance_m", "hood_deg", MOTOR)
-# the other columns that stand for one of those
-INSTEAD = {"hood_deg": ("exit_deg",), MOTOR: ("motor_ratio", "exit_speed_m_s")}
-TEXTS = {"ball_id": {"ball"}, "session": {"session", "day", "date", "practice"}}
-NUMBERED = {"shot", "order", "number", "no", "nr", "index", "trial", "attempt", "id", "name"}
-VERTICAL = {"vertical", "zenith", "plumb"}             # from which an angle is counted
-YES_NO = {"0", "1", "yes", "no", "y", "n"}
-POINTS = ({"0", "1"}, {"0", "2", "3"})                 # outcomes as numbers
-HEAD_BYTES = 65_536                                    # in which a header ends
-LEAST_V = 5.0                                          # of a battery; less is its number
-LEAST_STEP_S, LEAST_ROWS = 0.5, 20                     # rows of a log are closer, and at least that many
-
-
-def is_log(path: Path) -> bool:
-    """Whether a file is no table, or has a log's column of times; also where it cannot be opened, as the log's reader
-    says why."""
-    if path.suffix.lower() not in (".csv", ".txt", ".parquet"):
-        return True
-    if path.suffix == ".parquet":
-        with cols.gathered() as problems:
-            return TIME in load_table(path, problems).columns
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_BYTES).decode("utf-8-sig", errors="replace").splitlines()
-    except OSError:
-        return True
-    for mark in ",;\t":
-        with suppress(csv.Error):
-            header, first = (*islice(csv.reader(head, delimiter=mark), 2), [], [])[:2]
-            cells = dict(zip_longest(map(str.strip, header), first, fillvalue="0"))
-            if TIME in cells:
-                return parse_number(cells[TIME].replace(",", ".")) is not None
-    return False
-
-
-def guess_table(paths: Sequence[Path], rig: Rig) -> Guess:
-    """Propose a map for tables whose rows are shots, by the columns of the first.
+    Args:
+        source: The log, or the tables, whose columns are those of the first.
+        rig: Whose launcher and target it is of.
+        name: Of the file, for messages.
+        time: The log's column of time.
+        has_three: Whether the height of a three is stated, so that a hit may be a two or a three.
+        outcomes: What words of outcomes mean: word of the data -> word of a map.
 
     Raises:
-        InputError: no column looks like a distance, an angle or a speed; it lists what was recognised and the columns.
+        InputError: no signal looks like a distance, an angle or a speed; it lists what was recognised and the signals
+            that there are. Or a word of `outcomes` is not in the data, or its meaning is none of a map.
     """
-    return _Guessing([_table(path) for path in paths], rig, str(paths[0])).guess()
-
-
-def _table(path: Path) -> RawTable:
-    found = table_below(path, _is_header) or table_below(path, lambda cells, after: True)
-    if found is None:
-        raise InputError(f"{path}:1: the header is missing")
-    return found
-
-
-def _is_header(cells: set[str], _: str) -> bool:
-    names = {name for name in cells if name and not set(name) & set(",;\t")}
-    return len(names) >= len(NEEDED) and all(parse_number(name) is None for name in names)
-
-
-def _series(name: str, cells: list[cols.Cell]) -> Series | None:
-    """Numbers where most cells are: the others are named as the table is read."""
-    rows = [row for row, cell in enumerate(cells) if cell is not None and str(cell).strip()]
-    if not rows:
-        return None
-    numbers = [parse_number(cells[row]) for row in rows]
-    last = words_of(name)[-1:]
-    unit = maps.unit_in(name) or (maps.UNITS.get(last[0], "") if last else "")
-    times = np.array(rows, dtype=float)
-    if 2 * numbers.count(None) >= len(numbers):
-        return Series(name, times, tuple(str(cells[row]).strip() for row in rows), unit, each_row=True)
-    return Series(name, times, np.array([np.nan if number is None else number for number in numbers]), unit,
-                  each_row=True)
+    own = maps.load_map(OWN) if OWN in maps.installed() else ShotMap(maps.SCHEMA)
+    if isinstance(source, Log) and own.columns and all(maps.as_signal(said).key in source
+                                                       for said in own.columns.values()):
+        return Guess(own, (f"a session of truearc: the map {OWN}",))
+    return _Guessing(source, rig, name).guess(time or TimeColumn(), has_three, dict(outcomes or {}))
 
 
 class _Guessing:
-    """A map in the making: columns of shots are taken one by one, and no column of the table twice."""
+    """A map in the making: columns of shots are taken one by one, and no signal twice."""
 
-    def __init__(self, tables: Sequence[RawTable], rig: Rig, name: str) -> None:
-        self.tables, self.rig, self.name = tables, rig, name
-        self.columns: dict[str, Signal] = {}
-        self.all = {key: series for key, cells in tables[0].columns.items()
-                    if (series := _series(key, cells)) is not None}
+    def __init__(self, source: Log | Sequence[RawTable], rig: Rig, name: str) -> None:
+        self.log = source if isinstance(source, Log) else None
+        self.tables: Sequence[RawTable] = () if isinstance(source, Log) else source
+        self.rig, self.name = rig, name
+        self.all = source if isinstance(source, Log) else {
+            key: series for key, cells in source[0].columns.items() if (series := _series(key, cells)) is not None}
         self.free = {**self.all}                       # that are not taken yet
+        self.columns: dict[str, Signal] = {}
         self.lines: list[str] = []
 
-    def guess(self) -> Guess:
+    def guess(self, time: TimeColumn, has_three: bool, outcomes: dict[str, str]) -> Guess:
         """Names that shots.csv has come first, then what is needed, outcomes, and what is of use."""
-        outcome, said = self._outcome()
-        for key in list(self.free):
+        found = self._find_outcome()
+        for key in list(self.free) if self.tables else ():
             self._take_own(key)
-        missing = [column for column in NEEDED if not self._take_needed(column)]
-        if missing:
-            moving = {key: series for key, series in self.all.items() if series.numeric}
-            raise not_recognised(self.name, [wheel_column(self.rig) if column == MOTOR else column
-                                             for column in missing], self.lines, moving, "column",
-                                 f" (a log has its times in a column {TIME})")
-        for column in ("battery_v", "temperature_c", "t_s"):
-            self._take_number(column, column)
-        self._refuse_log()
-        for column, nouns in TEXTS.items():
-            self._take_text(column, nouns)
-        self._take_order()
-        self.lines += said
-        if self.free:
+        self._take_needed()
+        for column in ("battery_v", "temperature_c", "t_s") if self.tables else ("battery_v",):
+            if column not in self.columns:
+                self._take_number(column, column)
+        if self.tables:
+            self._take_texts()
+        shot_map = ShotMap(maps.SCHEMA, rows="shot" if self.tables else "time", columns={**self.columns}, time=time)
+        if self.log is not None:
+            shot_map = structs.replace(shot_map, shots=self._detection())
+        outcome, asked, proposed = OutcomeKeys(), "", dict[str, str]()
+        if found is None:
+            if outcomes:
+                raise InputError(f"{self.name}: outcomes: {', '.join(outcomes)}: there is no signal of outcomes")
+            outcome, line = self._boolean(shot_map)
+            self.lines.append(line)
+        else:
+            outcome, asked, proposed = self._read_words(*found, has_three, outcomes)
+        if self.tables and self.free:
             self.lines.append(f"not used: {', '.join(self.free)}")
-        return Guess(ShotMap(maps.SCHEMA, rows="shot", columns={**self.columns}, outcome=outcome), tuple(self.lines))
+        return Guess(structs.replace(shot_map, outcome=outcome), tuple(self.lines), asked, proposed)
+
+    # --- columns
 
     def _take(self, column: str, key: str, unit: str = "", note: str = "") -> None:
         self.columns[column] = Signal(self._key(key), unit=unit)
@@ -402,85 +202,94 @@ class _Guessing:
 
     def _key(self, key: str) -> str:
         """A column as a map names it: one that is called #2 by its place."""
-        return f"#{list(self.tables[0].columns).index(key) + 1}" if PLACE.fullmatch(key) else key
+        return f"#{list(self.tables[0].columns).index(key) + 1}" if self.tables and PLACE.fullmatch(key) else key
 
     def _take_own(self, key: str) -> None:
         """A column that is called as one of shots.csv."""
         column, *_ = read_as(key, is_shot_column)
-        series = self.free[key]
-        if not is_shot_column(column) or column in self.columns or column == "outcome":
+        other_sides = {str(value).lower() for value in self.free[key].values} - {*cols.SIDES}
+        if (not is_shot_column(column) or column in ("outcome", SERVO, *self.columns)
+                or (column == "side" and other_sides) or (column == "shot_id" and not self._is_name(key))):
             return
-        if column == "side" and {str(value).lower() for value in series.values} - {*cols.SIDES}:
-            return
-        if column == "shot_id" and not self._is_name(key):
-            return
-        own = own_unit(column)
         plain = "_".join(key.lower().split())
-        suffix = plain[len(column) - len(maps.unit_of(column)):] if own else ""
+        suffix = plain[len(column) - len(maps.unit_of(column)):] if own_unit(column) else ""
         self._take(column, key, suffix, f", in {suffix}" if suffix else "")
 
-    def _take_needed(self, column: str) -> bool:
-        if column in self.columns or any(one in self.columns for one in INSTEAD.get(column, ())):
-            return True
-        if column == MOTOR and any(maps.WHEEL.fullmatch(one) for one in self.columns):
-            return True
-        read = wheel_column(self.rig) if column == MOTOR else column
-        found = self._take_number(column, read)
-        if found and read == MOTOR:
-            self.lines.append(GEARED)
-        return found
+    def _take_needed(self) -> None:
+        """Distance, angle and speed; InputError where one is found nowhere."""
+        wheels = self.rig.launcher.wheel
+        speed = MOTOR if self.rig.launcher.free_speed_rad_s or not wheels else f"wheel_{wheels[0].name}_rad_s"
+        missing = []
+        for column, instead in NEEDED.items():
+            have = {one if maps.WHEEL.fullmatch(one) is None else MOTOR for one in self.columns}
+            read = speed if column == MOTOR else column
+            if have & {column, *instead} or self._take_number(column, read):
+                continue
+            if column != "hood_deg" or not self._take_number(SERVO, SERVO):
+                missing.append(read)
+        if missing:
+            raise self._not_recognised(missing)
 
     def _take_number(self, column: str, read: str) -> bool:
-        """Take the column of numbers that looks most like it; read: as which column of a map."""
-        if read in self.columns:
+        """Take the signal of numbers that looks most like a column; read: as which column of a map."""
+        scored = [(score, -len(key), key) for key, series in self.free.items()
+                  if (self.tables or len(series.t_s) > 1) and (score := self._score(series, column)) > 0.0]
+        if not scored:
             return False
-        nouns, kinds, never = NAMED[column]
-        moving = {key: series for key, series in self.free.items() if series.numeric}
-        if column == "t_s":
-            moving = {key: series for key, series in moving.items() if _rises(series)}
-        if column == "battery_v":                       # not the number of the battery
-            moving = {key: series for key, series in moving.items() if np.nanmax(series.values, initial=0.0) > LEAST_V}
-        key = best(moving, column, nouns, kinds, never)
-        if key is not None:
-            self._take(read, key, unit_said(moving[key], own_unit(read)), unit_note(moving[key], read))
-            if column == "hood_deg" and VERTICAL & set(words_of(key)):
-                self._from_vertical(read)
-        return key is not None
+        *_, key = max(scored, key=lambda one: one[:2])
+        stated, seen = unit_said(self.free[key]), unit_seen(self.free[key], column)
+        note = (f", in {stated}" if stated else f", in {seen} by the size of its numbers" if seen else
+                f", whose unit is not stated: taken as {own_unit(read)}" if own_unit(read) else "")
+        self._take(read, key, stated or seen or own_unit(read), note)
+        if column == "hood_deg" and says(key, "vertical"):
+            quarter = 90.0 if self.columns[read].unit != "rad" else round(math.pi / 2.0, 6)
+            self.columns[read] = structs.replace(self.columns[read], times=-1.0, plus=quarter)
+            self.lines[-1] += f"; from the vertical, so {quarter:g} less that"
+        if read == SERVO:
+            self.lines[-1] += TWO_POINTS if self.rig.launcher.hood is UNSET else ", an angle by launcher.hood.map"
+        if read == MOTOR:
+            self.lines.append(GEARED)
+        return True
 
-    def _from_vertical(self, column: str) -> None:
-        """Have the angle's complement read."""
-        unit = self.columns[column].unit
-        quarter = round(math.pi / 2.0, 6) if unit == "rad" else 90.0
-        self.columns[column] = Signal(self.columns[column].key, unit, times=-1.0, plus=quarter)
-        self.lines[-1] += f"; from the vertical, so {quarter:g} less that"
+    def _score(self, series: Series, column: str) -> float:
+        """How much a signal looks like a column by its name, unit and numbers; 0 where it cannot be that."""
+        names, words = NAMED[column], words_of(series.name)
+        said, nouns = set(words), names.nouns | (names.loose if self.tables or len(self.all) < MOST_LISTED else set())
+        if not series.numeric or not nouns & said or (names.never | (GROUPS["odd"] - names.kinds - nouns)) & said:
+            return 0.0
+        unit = unit_said(series) or unit_seen(series, column)
+        factor = maps.factor_of(column, unit) if unit else None
+        if factor is None and (unit or (names.kinds and not names.kinds & said)):
+            return 0.0
+        scale, zero = factor or (1.0, 0.0)
+        values = (np.asarray(series.values, dtype=float) - zero) * scale
+        values = np.abs(values[np.isfinite(values)]) if column == MOTOR else values[np.isfinite(values)]
+        if not len(values) or not self._can_be(column, values, bool(unit)):
+            return 0.0
+        varies = len(np.unique(values[:2000])) > 3
+        return (1.0 + (factor is not None) + varies + 0.5 * len(nouns & said) + (words[-1] in nouns | names.kinds)
+                + 0.5 * bool({"hub", "goal", "speaker", "target"} & said))
 
-    def _refuse_log(self) -> None:
-        """InputError where rows follow each other as those of a log do."""
-        said = self.columns.get("t_s")
-        series = None if said is None else self.all.get(said.key)
-        if said is None or series is None or len(series.values) < LEAST_ROWS or not _rises(series):
-            return
-        step = float(np.median(np.diff(np.asarray(series.values, dtype=float))))
-        step_s = step * {"ms": 1e-3, "us": 1e-6}.get(said.unit, 1.0)
-        if step_s < LEAST_STEP_S:
-            raise InputError(f"{self.name}: {said.key}: rows are {step_s:.3g} s apart, as of a log, not a shot each; "
-                             f"write a map with time.column = \"{said.key}\": docs/how-to/importing.md")
+    def _can_be(self, column: str, values: Floats, has_unit: bool) -> bool:
+        """Whether numbers in the column's own unit are such as that column has."""
+        low, high = SPANS.get(column, cols.RANGES.get(column, cols.NO_RANGE))
+        top = float(values.max())
+        impossible = {"t_s": not (np.diff(values) > 0.0).all(), "battery_v": top <= LEAST_V,
+                      "hood_deg": not has_unit and top <= MOST_RAD,            # a servo, or radians of no word's
+                      SERVO: has_unit or {*np.unique(values)} == {0.0, 1.0}}
+        inside = column == MOTOR or float(((values >= low) & (values <= high)).mean()) >= NEARLY_ALL
+        return low <= top <= high and inside and not impossible.get(column, False)
 
-    def _take_text(self, column: str, nouns: set[str]) -> None:
-        """A name of the ball or of the day; one of which each shot has its own tells nothing."""
-        for key in list(self.free):
-            said = set(words_of(key))
-            cells = self.tables[0].columns[key]
-            if column in self.columns or not nouns & said or said - nouns - NUMBERED or None in cells:
-                continue
-            if 2 * len(set(cells)) <= len(cells):
-                self._take(column, key)
-
-    def _take_order(self) -> None:
-        """The shots' numbers: a name for each, and their order in time."""
+    def _take_texts(self) -> None:
+        """Names of the ball and of the day, unless each shot has its own; the shots' numbers, as names and order."""
         for key, series in list(self.free.items()):
-            said = set(words_of(key))
-            if said - NUMBERED or not (said or key == "#"):
+            said, cells = set(words_of(key)), self.tables[0].columns[key]
+            for column in ("ball_id", "session"):
+                nouns = GROUPS[column]
+                if column not in self.columns and nouns & said and not said - nouns - GROUPS["numbered"] and (
+                        None not in cells and 2 * len(set(cells)) <= len(cells)):
+                    self._take(column, key)
+            if said - GROUPS["numbered"] or not (said or key == "#"):
                 continue
             if "t_s" not in self.columns and series.numeric and _rises(series):
                 self._take("t_s", key, note=": the order of the shots")
@@ -492,39 +301,141 @@ class _Guessing:
         cells = [str(cell or "").strip() for table in self.tables for cell in table.columns.get(key, [None])]
         return all(cells) and len(set(cells)) == len(cells)
 
-    def _outcome(self) -> tuple[OutcomeKeys, list[str]]:
-        """The column that says how shots ended, by its name or by its words alone."""
-        found = list[tuple[float, int, str, dict[str, str], Counter[str]]]()
+    def _not_recognised(self, missing: list[str]) -> InputError:
+        """Columns that are missing, those that were recognised, and the signals to choose from, those that change
+        first."""
+        kind = "column" if self.tables else "signal"
+        moving = {key: series.values[np.isfinite(series.values)] for key, series in self.all.items()
+                  if isinstance(series.values, np.ndarray)}
+        keys = sorted(filter(lambda key: len(moving[key]), moving),
+                      key=lambda key: (len(np.unique(moving[key][:2000])) <= 2, key))
+        rest = [f"  and {len(keys) - MOST_LISTED} more"] if len(keys) > MOST_LISTED else []
+        return InputError("\n".join([
+            f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing)}; write a map by hand: "
+            "docs/how-to/importing.md", *(f"recognised: {line}" for line in self.lines), f"{kind}s with numbers:",
+            *(f"  {key}: {min(moving[key]):.4g} to {max(moving[key]):.4g} {unit_said(self.all[key])}".rstrip()
+              for key in keys[:MOST_LISTED]), *rest]))
+
+    # --- how shots are found in a log
+
+    def _detection(self) -> maps.Detection:
+        """The set point: a signal of the speed's words, but wanted, that the speed follows. The feeder: a boolean that
+        names it."""
+        speed = next(said for column, said in self.columns.items() if column == MOTOR or maps.WHEEL.fullmatch(column))
+        scale, _ = maps.factor_of(MOTOR, speed.unit) or (1.0, 0.0)
+        top, own = scale * _top(self.all[speed.key]), {*words_of(speed.key)}
+        wanted, feeders = list[tuple[int, int, str]](), list[tuple[int, int, str]]()
+        for key, series in self.all.items():
+            said = {*words_of(key)}
+            factor = maps.factor_of(MOTOR, unit_said(series) or speed.unit) if series.numeric else None
+            if (factor and key != speed.key and says(key, "wanted") and says(key, "spin", "speed")
+                    and not says(key, "odd") - {"rad"} and 0.5 < top / (factor[0] * _top(series) or np.inf) < 2.0):
+                wanted.append((len(own & said), -len(said), key))
+            if (feeds := says(key, "feeder")) and series.numeric and set(np.unique(series.values)) == {0.0, 1.0}:
+                feeders.append((len(feeds), -len(said), key))
+        point, feed = max(wanted)[2] if wanted else "", max(feeders)[2] if feeders else ""
+        self.lines += [f"set point of the speed: {point or 'none found: spinning down may look like a ball'}",
+                       f"feeder: {feed or 'none found: every dip of the speed is a shot'}"]
+        return maps.Detection(set_point=Signal(point, unit=unit_said(self.all[point]) or speed.unit) if point else None,
+                              feed=feed or None)
+
+    # --- outcomes
+
+    def _find_outcome(self) -> tuple[str, Counter[str]] | None:
+        """The signal that says how shots ended, by its name or by its words alone, and how often it says which."""
+        found = list[tuple[float, int, str, Counter[str]]]()
         for key, series in self.free.items():
-            said = set(words_of(key))
-            counts = Counter(outcome_text(cell) for table in self.tables for cell in table.columns.get(key, ()))
-            values = meanings(counts)
-            if series.numeric and counts.keys() - {""} not in POINTS and counts.keys() - {""} - {"0", "1"}:
-                continue
-            if weight := _weight(said, values, counts):
-                found.append((weight, -len(found), key, values, counts))
+            cells = ([outcome_text(cell) for table in self.tables for cell in table.columns.get(key, ())] if self.tables
+                     else [] if series.numeric else [maps.plain(value) for value in series.changes().values])
+            counts = Counter(cells)
+            points = any(counts.keys() - {""} <= numbers for numbers in POINTS)
+            if (points or not series.numeric) and (weight := self._weight(key, counts)):
+                found.append((weight, -len(found), key, counts))
         if not found:
-            return OutcomeKeys(), [NO_OUTCOME]
-        *_, key, values, counts = max(found, key=lambda one: one[:2])
+            return None
+        *_, key, counts = max(found, key=lambda one: one[:2])
         del self.free[key]
-        if "" in counts:
+        return key, counts
+
+    def _weight(self, key: str, counts: Counter[str]) -> float:
+        """How much speaks for a signal of outcomes; 0: it has none.
+
+        Of another name than theirs, all its words must be outcomes, a hit and a miss among them, and not just yes and
+        no; in a log, where more than balls is in or out, words of maps.
+        """
+        said, named = {*words_of(key)}, bool(says(key, "outcome"))
+        words = {text: word for text in counts if text and (word := _meaning(text) or OPEN.get(text))
+                 and (named or self.tables or text in maps.MARKS or text in maps.NOT_MARKED)}
+        known = sum(counts[text] for text in words) / max(sum(counts.values()) - counts[""], 1)
+        if len(counts) > MOST_WORDS and known < 0.5:
+            return 0.0
+        if named and (words or not said - GROUPS["outcome"] - GROUPS["numbered"]) and (self.tables or len(words) > 1):
+            return 2.0 + known
+        marks = {word for text, word in words.items() if text not in GROUPS["yes_no"]}
+        misses = any(word.startswith("miss") or word in ("low", "high") for word in marks)
+        return 1.0 if known == 1.0 and misses and marks & {"hit", "two", "three"} and "side" not in said else 0.0
+
+    def _read_words(self, key: str, counts: Counter[str], has_three: bool, given: dict[str, str]
+                    ) -> tuple[OutcomeKeys, str, dict[str, str]]:
+        """(what words mean whose meaning is certain or given, a question about the others, what is proposed of all)."""
+        given = {maps.plain(text): word for text, word in given.items()}
+        for text, word in given.items():
+            if text not in counts or (word not in maps.MARKS and word not in maps.NOT_MARKED):
+                raise InputError(f"{self.name}: {key}: {text} = {word}: " + (
+                    f"is none of {', '.join(maps.MARKS)}, rejected" if text in counts else
+                    f"no outcome is called {text}; there are {', '.join(filter(None, counts))}"))
+        words = {text: given.get(text) or _meaning(text) for text in counts
+                 if text and (self.tables or text not in GROUPS["idle"])}
+        target = self.rig.target
+        hit = "three" if target and not target.hit_or_miss and (has_three or "three" in words.values()) else "hit"
+        unclear = [text for text, word in words.items() if word is None or (word == "hit" and hit == "three")]
+        proposed = {text: hit if word == "hit" else word or (
+            "rejected" if text not in OPEN else OPEN[text] if hit == "three" else hit) for text, word in words.items()}
+        values = {text: word for text, word in words.items() if word and text not in unclear}
+        meant = [f"{text} = {word}" for text, word in values.items() if text != word]
+        self.lines.append(f"outcome: {key}" + (f": {', '.join(meant)}" if meant else ""))
+        if self.tables and "" in counts:
+            self.lines.append(f"outcome: {key}: empty ({times(counts[''])}): left out")
             values[""] = maps.NOT_MARKED[0]
-        return OutcomeKeys(key=self._key(key), values=values), outcome_lines(key, values, counts)
+        asked = (f"{self.name}: {key}: the meaning is not certain of "
+                 + ", ".join(f"{text!r} ({times(counts[text])})" for text in unclear)
+                 + ("; a hit may be a two or a three: where all count alike, state target.three_half_height_m = 0 in "
+                    "rig.toml" if any(words[text] for text in unclear) else "")
+                 + f". Proposed: {', '.join(f'{text} = {word}' for text, word in proposed.items() if text != word)}"
+                 ) if unclear else ""
+        return OutcomeKeys(key=self._key(key), values=values), asked, proposed
+
+    def _boolean(self, shot_map: ShotMap) -> tuple[OutcomeKeys, str]:
+        """A boolean of a log that names a hit, and what is taken of it."""
+        for key, series in () if self.log is None else self.log.items():
+            if says(key, "scored") and series.numeric and set(np.unique(series.values)) <= {0.0, 1.0}:
+                shots = Reading(Path(self.name), self.log or Log({}), shot_map, self.rig).shots()
+                values, said = state_or_pulse(series, shots.t_s)
+                return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), f"outcome: {key}: {said}"
+        return OutcomeKeys(), NO_OUTCOME
 
 
-def _weight(said: set[str], values: Mapping[str, str], counts: Counter[str]) -> float:
-    """How much speaks for a column of outcomes; 0: it has none.
+def _series(name: str, cells: list[cols.Cell]) -> Series | None:
+    """A table's column: numbers where most cells are, as the others are named when the table is read."""
+    rows = [row for row, cell in enumerate(cells) if cell is not None and str(cell).strip()]
+    numbers = [parse_number(cells[row]) for row in rows]
+    if not rows:
+        return None
+    t_s = np.array(rows, dtype=float)
+    if 2 * numbers.count(None) >= len(numbers):
+        return Series(name, t_s, tuple(str(cells[row]).strip() for row in rows), each_row=True)
+    return Series(name, t_s, np.array(numbers, dtype=float), each_row=True)
 
-    Of another name than theirs, all its words must be outcomes, a hit and a miss among them, and not just yes and no.
-    """
-    known = sum(counts[text] for text in values) / max(sum(counts.values()) - counts[""], 1)
-    if len(counts) > MOST_WORDS and known < 0.5:
-        return 0.0
-    if OUTCOME & said and (values or not said - OUTCOME - NUMBERED):
-        return 2.0 + known
-    words = {word for text, word in values.items() if text not in YES_NO}
-    misses = any(word.startswith("miss") or word in ("low", "high") for word in words)
-    return 1.0 if known == 1.0 and misses and words & {"hit", "two", "three"} and "side" not in said else 0.0
+
+def _meaning(text: str) -> str | None:
+    """What a text says of a shot, as a word of a map; None where that is not certain."""
+    if text in maps.MARKS or text in maps.NOT_MARKED:
+        return text
+    if text in SPELLINGS:
+        return SPELLINGS[text] or maps.NOT_MARKED[0]
+    rest = " ".join(word for word in re.split(r"[^\w/]+", text) if word not in GROUPS["fillers"])
+    word = SAID_OF_SHOTS.get(rest, "")
+    return SAID_OF_SHOTS.get(text) or (word if word.startswith("miss") else None)
 
 
 def _rises(series: Series) -> bool:

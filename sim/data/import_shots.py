@@ -1,24 +1,27 @@
 """Import shots of any team's logs and tables."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
 from msgspec import structs
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import SCHEMA, ShotMap, load_map
+from truearc.robot.config.shot_map import SCHEMA, ShotMap, TimeColumn, load_map
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import load_rig, states_three
-from truearc.sim.data.guess_map import Guess, guess_map, guess_table, is_log
-from truearc.sim.data.mapped_shots import read_log, shots_from_logs, shots_from_tables
-from truearc.sim.data.table import is_shot_column
+from truearc.sim.data.guess_map import Guess, guess_map, time_column
+from truearc.sim.data.log import Log, log_of
+from truearc.sim.data.mapped_shots import SECONDS, read_log, shots_from_logs, shots_from_tables
+from truearc.sim.data.table import XLSX, RawTable, any_table, is_shot_column
 from truearc.sim.printed import Progress
+
+TABLES = (".csv", ".txt", ".parquet", XLSX)           # of logs, or with a row per shot
 
 
 def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map: str | Path | ShotMap | None = None,
-                 name: str = "imported", progress: Progress = lambda done, note: None) -> Dataset:
+                 name: str = "imported", outcomes: Mapping[str, str] | None = None,
+                 progress: Progress = lambda done, note: None) -> Dataset:
     """Return the shots of robot logs or tables as a dataset; its `left_out` lists excluded data.
 
     A log is a CSV file, or has a format that an installed distribution reads.
@@ -29,6 +32,7 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
         shot_map: Path of a shots.toml, or the name of an included map (docs/how-to/importing.md); None: guessed from
             names, units and numbers of the first log, or of tables with a row per shot.
         name: Name of the dataset.
+        outcomes: Without a map, what words of the data mean whose meaning is not certain: {"rim": "two"}.
         progress: Called with the share of the logs read so far, and the name of the log.
 
     Raises:
@@ -36,10 +40,15 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
             there are no shots.
     """
     facts = rig if isinstance(rig, Rig) else load_rig(rig)
-    found = guess(files, facts).map if shot_map is None else (
-        shot_map if isinstance(shot_map, ShotMap) else load_map(shot_map, is_shot_column))
-    if facts.target and not states_three(rig) and "hit" in (*found.outcome.values.values(),
-                                                           *found.outcome.buttons.values(), found.outcome.otherwise):
+    if shot_map is None:
+        guessed = guess(files, rig, outcomes)
+        if guessed.asked:
+            raise InputError(f"{guessed.asked}; state what they mean: outcomes={dict(guessed.proposed)}")
+        found = guessed.map
+    else:
+        found = shot_map if isinstance(shot_map, ShotMap) else load_map(shot_map, is_shot_column)
+    words = (*found.outcome.values.values(), *found.outcome.buttons.values(), found.outcome.otherwise)
+    if facts.target and not states_three(rig) and "hit" in words and "three" not in words:
         facts = structs.replace(facts, target=structs.replace(facts.target, three_half_height_m=0.0))
     paths = [Path(file) for file in files]
     if found.rows == "time":
@@ -47,19 +56,30 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
     return shots_from_tables(paths, found, facts, name)
 
 
-def guess(files: Sequence[str | Path], rig: Rig, progress: Progress = lambda done, note: None) -> Guess:
-    """Propose a map for logs, by the first, or for tables with a row per shot; InputError where nothing looks like a
-    speed, a distance or an angle."""
-    paths = [Path(file) for file in files]
-    if is_log(paths[0]):
-        return guess_map(read_log(paths[0], ShotMap(SCHEMA), progress), rig, str(paths[0]))
-    return guess_table(paths, rig)
+def guess(files: Sequence[str | Path], rig: Rig | str | Path, outcomes: Mapping[str, str] | None = None,
+          progress: Progress = lambda done, note: None) -> Guess:
+    """Propose a map for logs, from the first one, or for tables with a row per shot.
+
+    InputError if nothing looks like a speed, a distance or an angle.
+    """
+    paths, time = [Path(file) for file in files], TimeColumn()
+    facts = rig if isinstance(rig, Rig) else load_rig(rig)
+    source: Log | list[RawTable]
+    if paths[0].suffix.lower() in TABLES:
+        tables = [any_table(paths[0])]
+        if (found := time_column(tables[0])) is None:
+            source = [*tables, *map(any_table, paths[1:])]
+        else:
+            time, source = found, log_of(tables[0], found.column, SECONDS[found.unit])
+    else:
+        source = read_log(paths[0], ShotMap(SCHEMA), progress)
+    return guess_map(source, facts, str(paths[0]), time=time, has_three=states_three(rig), outcomes=outcomes)
 
 
 def only(dataset: Dataset, wanted: str) -> Dataset:
-    """Shots whose text is one of those wanted, as `ball_quality=new` or `version=a,b`.
+    """Select shots whose text is one of those wanted, as in `ball_quality=new` or `version=a,b`.
 
-    InputError where the column is not of text, or a text is in no shot.
+    InputError if the column is not text, or no shot has one of the texts.
     """
     name, equals, listed = wanted.partition("=")
     texts = dataset.shots.texts
@@ -72,26 +92,3 @@ def only(dataset: Dataset, wanted: str) -> Dataset:
             known = ", ".join(repr(text) for text in dict.fromkeys(column))
             raise InputError(f"--only: no shot has {part!r} as its {name}; there are {known}")
     return dataset.take([row for row, text in enumerate(column) if text in parts])
-
-
-def doubts_of(dataset: Dataset) -> tuple[str, ...]:
-    """One line for each implausible thing: balls that left below the straight line to the opening's lower rim.
-
-    A ball falls below the line that it leaves along, so one that went in left at the lower rim or above. Tested
-    of shots that are said to have passed the opening's plane at a known height.
-    """
-    target, shots = dataset.facts.target, dataset.shots
-    if target is None:
-        return ()
-    distance_m, hood_deg = shots.number("distance_m"), shots.number("hood_deg")
-    rim_m = target.centre_height_m + shots.number("miss_height_m") - target.two_half_height_m
-    needed_deg = np.degrees(np.arctan2(rim_m - dataset.facts.launcher.release_height_m, distance_m))
-    lacking_deg = needed_deg - hood_deg
-    flat = np.flatnonzero(lacking_deg > 0.0)
-    if not len(flat):
-        return ()
-    worst = flat[np.argmax(lacking_deg[flat])]
-    return (f"{len(flat)} of {len(shots)} shots leave flatter than a straight line to the opening's lower rim, so that "
-            f"no ball without more lift than weight gets there: {shots.shot_id[worst]} at {distance_m[worst]:.2f} m "
-            f"has {hood_deg[worst]:.1f} deg, where {needed_deg[worst]:.1f} are the least. Their hood_deg may be no "
-            "elevation, or have another zero; what discover names may then only stand for that",)

@@ -26,7 +26,7 @@ class Importer:
     read: "Callable[[Path, Callable[[float], None]], Log] | None" = None
 
     def takes(self, files: Sequence[str]) -> bool:
-        """Whether these are the files of one of its ways, by number and kind."""
+        """Return whether these files match one of its forms, by number and kind."""
         return any(_fits(way.split(), files) for way in self.ways)
 
 
@@ -43,7 +43,7 @@ def _is_kind(name: str, file: str) -> bool:
     return Path(file).suffix.lower() in KINDS.get(suffix, (suffix,))
 
 
-CSV = Importer("csv", ("FILE.csv ...", "FILE.txt ..."), None)
+CSV = Importer("csv", ("FILE.csv ...", "FILE.txt ...", "FILE.xlsx ..."), None)
 
 
 @cache

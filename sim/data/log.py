@@ -18,9 +18,9 @@ TIME, KEY, VALUE = "Timestamp", "Key", "Value"          # header of AdvantageSco
 
 @dataclass(frozen=True)
 class Series:
-    """One signal: times [n] in s, not falling; values [n], numbers or texts; the unit that the log states, or "".
+    """One signal: times [n] in s, non-decreasing; values [n], numbers or texts; the unit that the log states, or "".
 
-    A boolean is 1 or 0. `each_row`: a value stands at every time of the log, whether it is new or not.
+    A boolean is 1 or 0. `each_row`: there is a value at every time of the log, whether it is new or not.
     """
 
     name: str
@@ -34,12 +34,12 @@ class Series:
         return isinstance(self.values, np.ndarray)
 
     def before(self, t_s: float) -> float | str | None:
-        """The newest value at that time or before; None where there is none yet."""
+        """Return the newest value at or before that time; None if there is none yet."""
         place = int(np.searchsorted(self.t_s, t_s, side="right")) - 1
         return None if place < 0 or self.values[place] == "" else self.values[place]
 
     def changes(self) -> "Series":
-        """Without samples that repeat the one before."""
+        """Return the series without samples that repeat the previous one."""
         if len(self.t_s) < 2:
             return self
         values = self.values if isinstance(self.values, np.ndarray) else np.array(self.values, dtype=object)
@@ -52,24 +52,29 @@ Signals = Mapping[str, Series]
 
 
 class Log(dict[str, Series]):
-    """The signals of a log by their names; `damage`: a line for each kind of damage to its file."""
+    """The signals of a log by name; `damage`: a line for each kind of damage to its file."""
 
     def __init__(self, signals: Signals, damage: tuple[str, ...] = ()) -> None:
         super().__init__(signals)
         self.damage = damage
 
 
-def read_csv_log(path: Path, time: str | None, second: float) -> Log:
-    """Signals of a CSV file: AdvantageScope's list (Timestamp, Key, Value), or a table with a column a signal.
+def read_csv_log(path: Path, time: str, second: float) -> Log:
+    """Read the signals of a CSV file: AdvantageScope's list (Timestamp, Key, Value), or a table with a column per
+    signal.
 
-    time: the column of time; None: `Timestamp`. second: how many of its units are one.
+    time: the column of time. second: how many of its units are one.
 
     Raises:
         InputError: a cell of the time is not a number, or the column is missing.
     """
     with gathered() as problems:
         table = load_table(path, problems)
-    column = TIME if time is None else time
+    return log_of(table, time, second)
+
+
+def log_of(table: RawTable, column: str, second: float) -> Log:
+    """Signals of a table, as read_csv_log returns them."""
     if column not in table.columns:
         raise InputError(f"{table.place(-1)}: there is no column {column!r} of time ({', '.join(table.columns)})")
     t_s = np.array([_time(table, row, cell) for row, cell in enumerate(table.columns[column])]) / second
@@ -139,7 +144,8 @@ CLEAR = 0.5                           # share of that which a step has at least 
 
 @dataclass(frozen=True)
 class FoundShots:
-    """t_s [n]: just before each ball touches the wheels, or where the feeder starts; what else was seen."""
+    """Detected shots. t_s [n]: just before each ball touches the wheels, or when the feeder starts; and other
+    observations."""
 
     t_s: Floats
     odd: tuple[str, ...]
@@ -147,8 +153,11 @@ class FoundShots:
 
 def find_shots(wheel: Series, set_point: Series | None, feed: Series | None, feed_above: float,
                least_dip: float) -> FoundShots:
-    """Return the shots of one log. Without a signal of the feeder every dip is one; with one, every dip while it feeds;
-    feeding without a dip, and a dip without feeding, are listed as odd."""
+    """Return the shots of one log.
+
+    Without a feeder signal every dip is a shot; with one, every dip while it feeds. Feeding without a dip, and a dip
+    without feeding, are listed as odd.
+    """
     dips = find_dips(wheel, set_point, least_dip)
     if feed is None:
         return FoundShots(dips, ())
@@ -176,8 +185,8 @@ def _runs(feed: Series, above: float) -> tuple[Floats, Floats]:
 
 
 def silences(wheel: Series, others: Iterable[Series]) -> tuple[str, ...]:
-    """Lines on where a wheel that is at work before or after has no reading for longer than a fall lasts, nor other
-    signals; and where the log ends with it at work."""
+    """Return lines on where a wheel that runs before or after has no reading for longer than a dip lasts, nor do other
+    signals; and where the log ends while it runs."""
     if len(wheel.t_s) < 3:
         return ()
     speed = np.abs(np.asarray(wheel.values, dtype=float))
@@ -200,15 +209,15 @@ def silences(wheel: Series, others: Iterable[Series]) -> tuple[str, ...]:
 
 
 def spikes(values: Floats) -> np.ndarray:
-    """Mask [n] of single samples above both of their neighbours by half: no wheel does that."""
+    """Return a mask [n] of single samples above both neighbours by half: no wheel does that."""
     speed = np.abs(values)
     beside = np.maximum(np.concatenate([speed[1:], speed[-1:]]), np.concatenate([speed[:1], speed[:-1]]))
     return np.asarray((speed > SPIKE * beside) & (speed > STANDS * speed.max(initial=0.0)))
 
 
 def find_dips(wheel: Series, set_point: Series | None, least_dip: float) -> Floats:
-    """Times [n] of the last sample before each dip: a fast fall of the speed, below what is wanted of it where there
-    is a set point, and with a rise after it where there is none."""
+    """Return times [n] of the last sample before each dip: a fast fall of the speed, below the set point if there is
+    one, otherwise followed by a rise."""
     t_s, speed = wheel.t_s, np.abs(np.asarray(wheel.values, dtype=float))
     if len(t_s) < 3:
         return np.zeros(0)
@@ -268,3 +277,24 @@ def _at(series: Series, t_s: Floats) -> Floats:
     """The newest value at each time, 0 where there is none yet."""
     place = np.searchsorted(series.t_s, t_s, side="right") - 1
     return np.where(place < 0, 0.0, np.asarray(series.values, dtype=float)[np.maximum(place, 0)])
+
+
+PULSE_S = 0.2, 2.0                    # a fall sooner after a shot is none of its outcome's; a pulse is shorter
+FALLS = 2                             # of a state, at least
+
+
+def state_or_pulse(scored: Series, shots_s: Floats) -> tuple[dict[str, str], str]:
+    """(values of an outcome's boolean, what they are taken to mean); no values where the log leaves that open.
+
+    A state falls by the outcome of a later shot. A pulse falls by itself, whatever comes next.
+    """
+    edges = scored.changes()
+    up = np.flatnonzero(np.asarray(edges.values[:-1]) > 0.5)     # of the last rise without a fall neither counts
+    rose, fell = edges.t_s[up], edges.t_s[up + 1]
+    state = [bool(((shots_s > up) & (shots_s < down - PULSE_S[0])).any()) for up, down in zip(rose, fell, strict=True)]
+    if len(state) >= FALLS and all(state) and (fell - rose > PULSE_S[1]).all():
+        return {"true": "hit", "false": "miss"}, "true is a hit, false a miss"
+    if state and not any(state) and (fell - rose < PULSE_S[1]).all():
+        return {"true": "hit"}, ("is true for a moment after a hit; shots without it are left out. If they missed, "
+                                 "state outcome.otherwise = \"miss\"")
+    return {}, "left out: it may be a state or a pulse; state outcome in the map, or shots have none"

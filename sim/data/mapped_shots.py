@@ -1,10 +1,8 @@
 """Shots of robot logs and tables, read with a map of their keys."""
 
-import csv
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,12 +12,12 @@ from truearc.errors import ELSEWHERE, InputError, needs
 from truearc.robot.config import shot_map as maps
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import MOTOR, ShotMap, Signal, as_signal
-from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.dataset import Dataset, Floats
 from truearc.sim.data.files import assemble
 from truearc.sim.data.importers import load_importers
 from truearc.sim.data.log import FoundShots, Log, Series, find_shots, read_csv_log, silences, spikes
 from truearc.sim.data.recordings import AFTER_S, BEFORE_S
-from truearc.sim.data.table import Cell, RawTable, gathered, load_table, parse_csv, parse_number, text_of
+from truearc.sim.data.table import Cell, RawTable, gathered, holds_numbers, parse_number, table_below
 from truearc.sim.printed import Progress, part_of
 
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6}
@@ -49,9 +47,7 @@ def shots_from_logs(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: st
     Raises:
         InputError: a key of the map is not in a log, has no such unit, or there is no shot at all.
     """
-    names = [path.stem for path in paths]
-    if len(set(names)) < len(names):
-        raise InputError(f"two logs are called {max(names, key=names.count)}: shot_id would not be unique")
+    _check_names(paths)
     rows: list[dict[str, Cell]] = []
     traces: list[tuple[str, float, str, float]] = []
     damage: list[str] = []
@@ -64,14 +60,23 @@ def shots_from_logs(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: st
         rows += more
         left_out += odd
         traces += found.traces(more)
-    left_out = damage + left_out      # of whole files first
-    if not rows:
-        raise InputError(f"{', '.join(map(str, paths))}: no shot was found"
-                         + "".join(f"\n{line}" for line in left_out[:5]))
+    samples = as_table([dict(zip(TRACE, row, strict=True)) for row in traces], paths[0]) if traces else None
+    return _assembled(name, rig, as_table(rows, paths[0]), samples, damage + left_out)      # of whole files first
+
+
+def _assembled(name: str, rig: Rig, shots: RawTable, samples: RawTable | None, left_out: list[str]) -> Dataset:
+    """The dataset of shots and traces; InputError where there is no shot."""
+    if not shots.lines:
+        raise InputError(f"{shots.path}: no shot was found" + "".join(f"\n{line}" for line in left_out[:5]))
     with gathered() as problems:
-        samples = as_table([dict(zip(TRACE, row, strict=True)) for row in traces], paths[0]) if traces else None
-        dataset = assemble(name, rig, problems, as_table(rows, paths[0]), None, samples)
+        dataset = assemble(name, rig, problems, shots, None, samples)
     return replace(dataset, left_out=tuple(left_out))
+
+
+def _check_names(paths: Sequence[Path]) -> None:
+    stems = [path.stem for path in paths]
+    if len(set(stems)) < len(stems):
+        raise InputError(f"two files are called {max(stems, key=stems.count)}: shot_id would not be unique")
 
 
 class Reading:
@@ -81,7 +86,7 @@ class Reading:
         self.path, self.log, self.map, self.rig = path, log, shot_map, rig
         self.odd: list[str] = []
         self.columns = {column: self._column(column, said) for column, said in shot_map.columns.items()}
-        self.scales = {column: as_read(column, rig) for column in self.columns}
+        self.names = {column: as_read(column, rig) for column in self.columns}
 
     def series(self, key: str) -> Series:
         """A signal by its key, with or without the slash in front, or behind where it is from, as in FROM:/KEY."""
@@ -100,19 +105,17 @@ class Reading:
             raise InputError(f"{self.path}: {signal.key}: holds texts; {column} is a number")
         if not found.numeric:
             return found
-        read = _in_unit(found, column, signal, self.path)
-        return self._finite(read) if _is_speed(column) or column == self.map.shots.wheel else read
-
-    def _finite(self, series: Series) -> Series:
-        """A speed without the samples that are not finite, or that no wheel can have; their number is said."""
-        values = np.asarray(series.values, dtype=float)
-        series = self._without(series, np.isfinite(values), "that are not finite")
-        return self._without(series, ~spikes(np.asarray(series.values, dtype=float)), "far above both neighbours")
+        convert = conversion(column, signal, signal.unit or found.unit, str(self.path))
+        read = replace(found, values=convert(np.asarray(found.values, dtype=float)))
+        if _is_speed(column) or column == self.map.shots.wheel:        # no wheel can have the other samples
+            read = self._without(read, np.isfinite(read.values), "that are not finite")
+            read = self._without(read, ~spikes(np.asarray(read.values, dtype=float)), "far above both neighbours")
+        return read
 
     def _without(self, series: Series, kept: np.ndarray, what: str) -> Series:
-        if not kept.all():
-            line = f"{self.path.name}: {series.name}: samples {what}: {np.count_nonzero(~kept)}"
-            self.odd += [line] if line not in self.odd else []
+        """A series without some samples, whose number is reported."""
+        line = f"{self.path.name}: {series.name}: samples {what}: {np.count_nonzero(~kept)}"
+        self.odd += [line] if not kept.all() and line not in self.odd else []
         return replace(series, t_s=series.t_s[kept], values=np.asarray(series.values, dtype=float)[kept])
 
     def shots(self) -> FoundShots:
@@ -152,12 +155,10 @@ class Reading:
             row["since_last_shot_s"] = since_s
         for column, series in self.columns.items():
             value = series.before(t_s)
-            name, scale = self.scales[column]
+            name, scale = self.names[column]
             known = value is not None and (isinstance(value, str) or np.isfinite(value))
             row[name] = None if not known else value if isinstance(value, str) else float(value or 0.0) * scale
-        if mark is not None:
-            row["outcome"], row["side"] = (word or None for word in maps.MARKS[mark])
-        return row
+        return row if mark is None else row | ended(mark, self.map, self.rig, f"{self.path.name}: t = {t_s:.2f} s")
 
     def _marks(self) -> list[tuple[float, str]]:
         """(time, word) in order."""
@@ -191,19 +192,25 @@ class Reading:
         kept = {column: series for column, series in self.columns.items() if _is_speed(column) or column == "battery_v"}
         for column, series in kept.items():
             values = np.asarray(series.values, dtype=float)
-            for signal, factor in self._signals(column):
+            signals = [(column, 1.0)] if column != MOTOR else [
+                (f"wheel_{wheel.name}_rad_s", wheel.gear) for wheel in self.rig.launcher.wheel]       # not the motors'
+            for signal, factor in signals:
                 for row in rows:
-                    first, last = np.searchsorted(series.t_s, [float(row["t_s"] or 0.0) - BEFORE_S,
-                                                               float(row["t_s"] or 0.0) + AFTER_S])
-                    for k in range(first, last):
-                        yield (str(row["shot_id"]), float(series.t_s[k]) - float(row["t_s"] or 0.0), signal,
-                               float(values[k]) * factor)
+                    at_s = float(row["t_s"] or 0.0)
+                    for k in range(*np.searchsorted(series.t_s, [at_s - BEFORE_S, at_s + AFTER_S])):
+                        yield str(row["shot_id"]), float(series.t_s[k]) - at_s, signal, float(values[k]) * factor
 
-    def _signals(self, column: str) -> list[tuple[str, float]]:
-        """(name of a trace, factor): of the motors' speed each wheel's."""
-        if column != MOTOR:
-            return [(column, 1.0)]
-        return [(f"wheel_{wheel.name}_rad_s", wheel.gear) for wheel in self.rig.launcher.wheel]
+
+def ended(mark: str, shot_map: ShotMap, rig: Rig, place: str) -> dict[str, Cell]:
+    """Outcome and side of a shot by the word of its mark; InputError where that is a hit, and may be a two or a three.
+    """
+    outcome, side = maps.MARKS[mark]
+    if outcome == "hit" and rig.target is not None and not rig.target.hit_or_miss:
+        said = [text for text, word in (shot_map.outcome.values | shot_map.outcome.buttons).items() if word == mark]
+        raise InputError(f"{place}: outcome: {' or '.join(map(repr, said)) or 'otherwise'} is a hit by the map, which "
+                         "may be a two or a three: write which in outcome.values; where every hit counts alike, state "
+                         "target.three_half_height_m = 0 in rig.toml")
+    return {"outcome": outcome or None, "side": side or None}
 
 
 def as_read(column: str, rig: Rig) -> tuple[str, float]:
@@ -221,13 +228,17 @@ def _is_speed(column: str) -> bool:
     return column == MOTOR or maps.WHEEL.fullmatch(column) is not None
 
 
-def _in_unit(series: Series, column: str, signal: Signal, path: Path) -> Series:
-    said = signal.unit or series.unit or maps.unit_in(series.name)
-    values = np.asarray(series.values, dtype=float) * signal.times + signal.plus
-    factor = maps.factor_of(column, said) if said and maps.own_unit(column) else (1.0, 0.0)
+def conversion(column: str, signal: Signal, stated: str, place: str) -> Callable[[Floats], Floats]:
+    """How numbers of a signal become those of a column; stated: the unit, "" for the one that the key ends in.
+
+    Raises:
+        InputError: names the place and the key of a unit that the column does not have.
+    """
+    unit = stated or maps.unit_in(signal.key)
+    factor = maps.factor_of(column, unit) if unit and maps.own_unit(column) else (1.0, 0.0)
     if factor is None:
-        raise InputError(f"{path}: {signal.key}: {said!r} is not a unit of {column}; state unit = \"...\" in the map")
-    return replace(series, values=(values - factor[1]) * factor[0])
+        raise InputError(f"{place}: {signal.key}: {unit!r} is not a unit of {column}; state unit = \"...\" in the map")
+    return lambda values: (values * signal.times + signal.plus - factor[1]) * factor[0]
 
 
 def times(count: int) -> str:
@@ -242,8 +253,8 @@ def as_table(rows: Sequence[Mapping[str, Cell]], path: Path) -> RawTable:
                     in_memory=True)
 
 
+NO_TARGET = "distance_m", -1.0          # what programs write of a goal that the camera does not see
 PLACE = re.compile(r"#(\d+)")         # a column by its number
-MOST_TITLE = 20                       # lines of a title above the header, less one
 
 
 def shots_from_tables(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: str) -> Dataset:
@@ -252,9 +263,7 @@ def shots_from_tables(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: 
     Raises:
         InputError: names file, line and column of what cannot be read, or a column of the map that is not there.
     """
-    stems = [path.stem for path in paths]
-    if len(set(stems)) < len(stems):
-        raise InputError(f"two files are called {max(stems, key=stems.count)}: shot_id would not be unique")
+    _check_names(paths)
     tables = [(path, _read(path, shot_map)) for path in paths]
     if shot_map.rows == "position":
         return _tracks(tables, shot_map, rig, name)
@@ -266,62 +275,18 @@ def shots_from_tables(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: 
         rows += more
         lines += at
         left_out += odd
-    if not rows:
-        raise InputError(f"{paths[0]}: there is no shot" + "".join(f"\n{line}" for line in left_out[:5]))
-    with gathered() as problems:
-        shots = as_table(rows, paths[0])
-        dataset = assemble(name, rig, problems, shots if paths[1:] else replace(shots, lines=lines, in_memory=False))
-    return replace(dataset, left_out=tuple(left_out))
+    shots = as_table(rows, paths[0])
+    return _assembled(name, rig, shots if paths[1:] else replace(shots, lines=lines, in_memory=False), None, left_out)
 
 
 def _read(path: Path, shot_map: ShotMap) -> RawTable:
     """The table below the line that has the map's columns; what stands before it is a title of the program's."""
     wanted = {as_signal(said).key for said in shot_map.columns.values()} | ({shot_map.outcome.key} - {""})
     names = {key for key in wanted if not PLACE.fullmatch(key)}
-    found = table_below(path, lambda cells, after: names <= cells and (bool(names) or _is_data(after)))
+    found = table_below(path, lambda cells, after: names <= cells and (bool(names) or holds_numbers(after)))
     if found is None or not names <= set(found.columns):
         raise InputError(f"{path}:1: there is no line with the columns {', '.join(sorted(names))}")
     return found
-
-
-def table_below(path: Path, is_header: Callable[[set[str], str], bool]) -> RawTable | None:
-    """The table below the first line that is a header, by its cells and the line after it; None where none is."""
-    if path.suffix == ".parquet":
-        with gathered() as problems:
-            return load_table(path, problems)
-    lines = text_of(path).splitlines(keepends=True)
-    for number in range(min(MOST_TITLE, len(lines))):
-        if is_header(_header(lines[number:number + MOST_TITLE]), "".join(lines[number + 1:number + 2])):
-            break
-    else:
-        return None
-    width = len(_cells_of(lines[number]))
-    for above, line in enumerate(lines[:number], 1):
-        cells = _cells_of(line)
-        if len(cells) == width and 2 * sum(parse_number(cell) is not None for cell in cells) > width > 1:
-            raise InputError(f"{path}:{above}: a row of numbers stands above the header, which is line {number + 1}")
-    with gathered() as problems:
-        table = parse_csv("\n" * number + "".join(lines[number:]), path, problems)
-    return replace(table, columns={name.strip(): cells for name, cells in table.columns.items()})
-
-
-def _header(lines: list[str]) -> set[str]:
-    """Cells of the first line, of any separator; a cell in quotes may go on in the next."""
-    cells = set(_cells_of(lines[0]))
-    for mark in ",;\t":
-        with suppress(csv.Error):
-            cells |= {cell.strip() for cell in next(csv.reader(lines, delimiter=mark), [])}
-    return cells
-
-
-def _cells_of(line: str) -> list[str]:
-    """Cells of a line by any separator, where none is in quotes."""
-    return [cell.strip().strip('"') for cell in re.split(r"[,;\t]", line.strip("\r\n"))]
-
-
-def _is_data(line: str) -> bool:
-    return all(parse_number(cell.strip().strip('"').replace(",", ".")) is not None
-               for cell in re.split(r"[;\t]" if ";" in line or "\t" in line else ",", line.strip("\r\n")) if cell)
 
 
 def _cells(table: RawTable, signal: Signal) -> list[Cell]:
@@ -332,38 +297,32 @@ def _cells(table: RawTable, signal: Signal) -> list[Cell]:
     return table.columns[names[int(place[1]) - 1] if place else signal.key]
 
 
-def _column(table: RawTable, column: str, said: str | Signal) -> list[Cell]:
-    """Cells of a column, numbers in its unit."""
+def _column(table: RawTable, column: str, said: str | Signal, scale: float = 1.0) -> list[Cell]:
+    """Cells of a column, numbers in its unit times a factor."""
     signal = as_signal(said)
     cells = _cells(table, signal)
-    texts = [row for row, cell in enumerate(cells) if maps.own_unit(column) and cell is not None and str(cell).strip()
-             and parse_number(cell) is None]
     with gathered() as problems:
-        problems += [f"{table.place(row)}: {signal.key}: {cells[row]!r} is not a number" for row in texts]
+        problems += [f"{table.place(row)}: {signal.key}: {cell!r} is not a number" for row, cell in enumerate(cells)
+                     if maps.own_unit(column) and str(cell or "").strip() and parse_number(cell) is None]
     if not maps.own_unit(column) and (signal.times, signal.plus) == (1.0, 0.0):
         return cells
-    stated = signal.unit or maps.unit_in(signal.key)
-    factor = maps.factor_of(column, stated) if stated and maps.own_unit(column) else (1.0, 0.0)
-    if factor is None:
-        raise InputError(f"{table.place(-1)}: {signal.key}: {stated!r} is not a unit of {column}; state unit = \"...\" "
-                         "in the map")
-    numbers = [parse_number(cell) for cell in cells]
-    return [cell if number is None else (number * signal.times + signal.plus - factor[1]) * factor[0]
-            for cell, number in zip(cells, numbers, strict=True)]
+    convert = conversion(column, signal, signal.unit, table.place(-1))
+    return [cell if (number := parse_number(cell)) is None else
+            None if (column, number) == NO_TARGET else float(convert(np.asarray(number))) * scale for cell in cells]
 
 
 def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig
            ) -> tuple[list[dict[str, Cell]], list[int], list[str]]:
     """(a row a shot, the line of each, what was left out)."""
-    columns: dict[str, list[Cell]] = {}
-    for column, said in shot_map.columns.items():
-        name, scale = as_read(column, rig)
-        cells = _column(table, column, said)
-        columns[name] = cells if scale == 1.0 else [None if number is None else number * scale
-                                                    for number in map(parse_number, cells)]
+    named = {column: as_read(column, rig) for column in shot_map.columns}
+    columns = {named[column][0]: _column(table, column, said, named[column][1])
+               for column, said in shot_map.columns.items()}
     marks = _cells(table, Signal(shot_map.outcome.key)) if shot_map.outcome.key else None
     words = {maps.plain(key): word for key, word in shot_map.outcome.values.items()}
     rows, lines, odd = list[dict[str, Cell]](), list[int](), list[str]()
+    distance = as_signal(shot_map.columns.get(NO_TARGET[0], "")).key
+    if unseen := [parse_number(cell) for cell in table.columns.get(distance, ())].count(NO_TARGET[1]):
+        odd.append(f"{path.name}: {distance}: -1 ({times(unseen)}) is read as an unknown distance")
     for row in range(len(table.lines)):
         shot: dict[str, Cell] = {"shot_id": f"{path.stem}-{row:04d}", "session": path.stem,
                                  **{column: cells[row] for column, cells in columns.items()}}
@@ -376,8 +335,9 @@ def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig
             if word in maps.NOT_MARKED:
                 odd.append(f"{table.place(row)}: {'rejected' if said else 'no outcome'}")
                 continue
-            outcome, side = maps.MARKS[word]
-            shot["outcome"], shot["side"] = outcome or None, side or shot.get("side")
+            side = shot.get("side")
+            shot |= ended(word, shot_map, rig, table.place(row))
+            shot["side"] = shot["side"] or side
         rows.append(shot)
         lines.append(table.lines[row])
     return rows, lines, odd

@@ -143,7 +143,7 @@ def _signals(tick: Tick, config: Config) -> list[tuple[str, int, float]]:
 def label_by_repeatability(dataset: Dataset, least_shots: int = 1) -> Dataset:
     """Group by session and config_id; numbers are means over the group; removed configurations go to `left_out`.
 
-    So do those of which fewer than `least_shots` shots were marked (the others were held or rejected).
+    So do configurations with fewer than `least_shots` marked shots (the others were held or rejected).
     """
     groups: dict[str, list[int]] = {}
     for row, key in enumerate(zip(dataset.shots.text("session"), dataset.shots.text("config_id"), strict=True)):
@@ -165,7 +165,7 @@ def label_by_repeatability(dataset: Dataset, least_shots: int = 1) -> Dataset:
 
 
 def rule(r2: float, r3: float) -> str | None:
-    """The label of a configuration with these shares; None when it is not repeatable."""
+    """Return the label of a configuration with these shares; None if it is not repeatable."""
     if r2 == 0.0:
         return "miss"
     if r2 < REMOVED_BELOW:

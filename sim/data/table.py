@@ -1,4 +1,4 @@
-"""Tables of text cells, and typed columns read from them: names, units, ranges and words.
+"""Tables of text cells, and typed columns read from them: names, units, ranges and permitted words.
 
 Cells come from CSV and Parquet files, and each row keeps its origin; all errors are collected, so that one run reports
 them together. A column such as `distance_ft`, `hood_rad` or `wheel_main_rpm` is converted to the expected unit and
@@ -11,9 +11,11 @@ import io
 import math
 import re
 import sys
+import tomllib
+import zipfile
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -33,18 +35,19 @@ DECIMAL_POINT = re.compile(r"^\s*[+-]?\d*\.\d+\s*$")
 Cell = str | float | None             # CSV gives text; Parquet numbers, text or None
 # Of a Parquet file: a column of one value has any length in a few bytes, one of measured numbers takes bytes for each.
 MOST_CELLS, CELLS_PER_BYTE = 2_000_000, 20
+XLSX = ".xlsx"
 SHOWN = 20                            # problems a message lists before it only counts
 
 
 class Problems(list[str]):
-    """Messages, each with its place."""
+    """Error messages, each with its place."""
 
     def add(self, place: str, column: str, what: str) -> None:
-        """place: file and line; column: name, or '' when it is the row."""
+        """Add a message. place: file and line; column: name, or '' for the whole row."""
         self.append(f"{place}: {column}: {what}" if column else f"{place}: {what}")
 
     def close(self) -> None:
-        """Raise InputError with the first problems and how many there are, if there are any."""
+        """Raise InputError with the first problems and their number, if there are any."""
         more = len(self) - SHOWN
         tail = [f"... and {more} more problems ({len(self)} in all)"] if more > 0 else []
         if self:
@@ -53,7 +56,7 @@ class Problems(list[str]):
 
 @contextmanager
 def gathered() -> Iterator[Problems]:
-    """Problems that are raised together at the end of the block."""
+    """Collect problems and raise them together at the end of the block."""
     problems = Problems()
     try:
         yield problems
@@ -77,23 +80,23 @@ class RawTable:
     written: dict[str, tuple[str, float, float]] = field(default_factory=dict)
 
     def shown(self, name: str, number: float) -> str:
-        """A number of a column as the file has it."""
+        """Return a number of a column as in the file."""
         _, factor, zero = self.written.get(name, ("", 1.0, 0.0))
         return f"{number / factor + zero:g}"
 
     def fault(self, problems: Problems, row: int, name: str, what: str) -> None:
-        """Add a problem of a cell, or of the header (row -1), with the column's name as the file has it."""
+        """Add a problem of a cell, or of the header (row -1), with the column's name as in the file."""
         problems.add(self.place(row), self.written.get(name, (name,))[0], what)
 
     def place(self, row: int) -> str:
-        """File and line as messages name them; row -1 is the header."""
+        """Return file and line as used in messages; row -1 is the header."""
         if self.in_memory or self.path.suffix == ".parquet":
             return f"{self.path}: row {self.lines[row]}" if row >= 0 else f"{self.path}"
         return f"{self.path}:{self.lines[row] if row >= 0 else 1}"
 
 
 def find_table(directory: Path, stem: str) -> Path | None:
-    """The CSV or Parquet file of that name, None when there is neither; InputError when there are both."""
+    """Return the CSV or Parquet file of that name, None if there is neither; InputError if there are both."""
     found = [path for path in (directory / f"{stem}.csv", directory / f"{stem}.parquet")
              if path.exists() or path.is_symlink()]
     for path in found:
@@ -110,8 +113,8 @@ def load_table(path: Path, problems: Problems) -> RawTable:
 
 
 def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
-    """Cells of CSV text with a header; empty cells are None. Blank lines, and empty columns behind the last that has a
-    name, are skipped."""
+    """Parse CSV text with a header; empty cells are None. Blank lines, and empty columns after the last named one, are
+    skipped."""
     rows = _rows(text, path, _separator(text, path))
     top, header = next(rows, (1, []))
     width = len(header)
@@ -182,7 +185,9 @@ def _rows(text: str, path: Path, mark: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def text_of(path: Path) -> str:
-    """A text file; InputError names it, and the line that is not UTF-8."""
+    """Read a text file, or the first sheet of a workbook as CSV; InputError names it and any line that is not UTF-8."""
+    if path.suffix.lower() == XLSX:
+        return _text_of_sheet(path)
     data = load_bytes(path)
     if data.startswith(BOM_UTF8):
         print(f"warning: {path}: read without the byte-order mark that it begins with", file=sys.stderr)
@@ -192,6 +197,41 @@ def text_of(path: Path) -> str:
         line = data.count(b"\n", 0, error.start) + 1
         raise InputError(f"{path}:{line}: not UTF-8 text; save the table as UTF-8 (in a spreadsheet: CSV UTF-8)"
                          ) from error
+
+
+def _text_of_sheet(path: Path) -> str:
+    """A line for each row: dates as in ISO 8601, of formulas the stored values."""
+    try:
+        from openpyxl import load_workbook
+        from openpyxl.utils.exceptions import InvalidFileException
+    except ModuleNotFoundError as error:
+        raise InputError(f"{path}: needs openpyxl, which is not installed: pip install 'truearc[xlsx]'") from error
+    data = load_bytes(path)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as parts:
+            if sum(part.file_size for part in parts.infolist()) > MAX_BYTES:
+                raise InputError(f"{path}: unpacks to more than {MAX_BYTES} bytes, the most that is read of a table")
+        stored, written = (load_workbook(io.BytesIO(data), data_only=values).worksheets for values in (True, False))
+    except (zipfile.BadZipFile, InvalidFileException, KeyError, ValueError, TypeError, OSError) as error:
+        raise InputError(f"{path}: is not a workbook that can be read; save it as .xlsx again, or as CSV") from error
+    text = io.StringIO()
+    filled = False
+    for values, cells in zip(stored[0].iter_rows(values_only=True), written[0].iter_rows(), strict=True):
+        for value, cell in zip(values, cells, strict=True):
+            if value is None and cell.data_type == "f":
+                raise InputError(f"{path}:{cell.row}: {cell.coordinate} has a formula without a stored value; open the "
+                                 "workbook in a spreadsheet program and save it")
+        row = [_sheet_cell(value) for value in values]
+        filled |= any(row)
+        csv.writer(text).writerow(row)
+    if not filled:
+        raise InputError(f"{path}: its first sheet, {stored[0].title!r}, is empty; move the table there")
+    return text.getvalue()
+
+
+def _sheet_cell(value: object) -> str:
+    plain = str(value).lower() if isinstance(value, bool) else "" if value is None else str(value)
+    return " ".join(plain.splitlines()).removesuffix(" 00:00:00")       # of a date
 
 
 def _load_parquet(path: Path) -> RawTable:
@@ -213,12 +253,70 @@ def _load_parquet(path: Path) -> RawTable:
 
 
 def as_cell(value: object) -> Cell:
-    """Integers in text columns (an id, say) keep their digits: only real numbers become float."""
+    """Convert a cell: integers in text columns (an id, say) keep their digits; only real numbers become float."""
     if value is None or value == "":
         return None
     if isinstance(value, bool | int | float):
         return value
     return value if isinstance(value, str) else str(value)
+
+
+FEWEST_NAMES = 3                      # of a header
+MOST_TITLE = 20                       # lines of a title above the header, less one
+
+
+def table_below(path: Path, is_header: Callable[[set[str], str], bool]) -> RawTable | None:
+    """The table below the first line that is a header, by its cells and the line after it; None where none is."""
+    if path.suffix == ".parquet":
+        with gathered() as problems:
+            return load_table(path, problems)
+    lines = text_of(path).splitlines(keepends=True)
+    for number in range(min(MOST_TITLE, len(lines))):
+        if is_header(_header(lines[number:number + MOST_TITLE]), "".join(lines[number + 1:number + 2])):
+            break
+    else:
+        return None
+    width = len(_cells_of(lines[number]))
+    for above, line in enumerate(lines[:number], 1):
+        cells = _cells_of(line)
+        if len(cells) == width and 2 * sum(parse_number(cell) is not None for cell in cells) > width > 1:
+            raise InputError(f"{path}:{above}: a row of numbers stands above the header, which is line {number + 1}")
+    with gathered() as problems:
+        table = parse_csv("\n" * number + "".join(lines[number:]), path, problems)
+    return replace(table, columns={name.strip(): cells for name, cells in table.columns.items()})
+
+
+def any_table(path: Path) -> RawTable:
+    """The table below the first line with names enough for a header, else below the first line."""
+    found = table_below(path, _is_header) or table_below(path, lambda cells, after: True)
+    if found is None:
+        raise InputError(f"{path}:1: the header is missing")
+    return found
+
+
+def _is_header(cells: set[str], _: str) -> bool:
+    names = {name for name in cells if name and not set(name) & set(",;\t")}
+    return len(names) >= FEWEST_NAMES and all(parse_number(name) is None for name in names)
+
+
+def _header(lines: list[str]) -> set[str]:
+    """Cells of the first line, of any separator; a cell in quotes may go on in the next."""
+    cells = set(re.split(r"[,;\t]", lines[0].strip("\r\n")))
+    for mark in ",;\t":
+        with suppress(csv.Error):
+            cells.update(next(csv.reader(lines, delimiter=mark), []))
+    return {cell.strip().strip('"') for cell in cells}
+
+
+def holds_numbers(line: str) -> bool:
+    """Whether each cell of a line that is not empty is a number."""
+    return all(parse_number(cell) is not None for cell in _cells_of(line) if cell)
+
+
+def _cells_of(line: str) -> list[str]:
+    """Cells of a line without quotes around several, numbers with a point."""
+    cells = re.split(r"[;\t]" if ";" in line or "\t" in line else ",", line.strip("\r\n"))
+    return [cell.strip().strip('"').replace(",", ".") for cell in cells]
 
 
 OUTCOMES = ("miss", "two", "three")
@@ -247,40 +345,20 @@ RANGES = {
     "mass_kg": (1e-4, 100.0),
     "radius_m": (0.001, MOST["ball.radius_m"]),
 }
-# column -> what a number out of its range looks like, and what to do
-LOOKS = {
-    "distance_m": "if centimetres, rename the column to distance_cm; if inches, to distance_in",
-    "motor_ratio": "if percent, divide by 100; if rpm, divide by the motor's free speed in rpm",
-    "miss_height_m": "if centimetres, rename the column to miss_height_cm; if millimetres, to miss_height_mm",
-    "battery_v": "if millivolts, rename the column to battery_mv",
-    "temperature_c": "if kelvins, rename the column to temperature_k; if degrees Fahrenheit, to temperature_f",
-    "pressure_pa": "if hectopascals or millibars, rename the column to pressure_hpa; if kilopascals, to pressure_kpa",
-    "mass_kg": "if grams, rename the column to mass_g; if ounces, to mass_oz",
-    "radius_m": "if millimetres, rename the column to radius_mm; if centimetres, to radius_cm; if inches, to radius_in",
-}
-LOWER = {                                                     # the same of a negative number
-    "distance_m": "it is from the exit to the target along the floor, and has no sign",
-    "hood_deg": "it is the elevation above the horizontal",
-}
 HIT = "hit"                           # an outcome, too, where every hit counts alike
+SERVO = "hood_position"               # of the hood's servo: an angle by launcher.hood.map of the rig, else a covariate
 NO_RANGE = (-math.inf, math.inf)
 ALIKE = 3                                                     # fewest bad numbers of a column that are one problem
 WORDS = {"outcome": OUTCOMES, "side": SIDES}
+VOCABULARY = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 # what people write of a shot -> the word of a map (robot/config/shot_map.py)
-SAID_OF_SHOTS = {
-    **dict.fromkeys(("1", "1.0", "true", "yes", "y", "goal", "in", "made", "score", "scored", "good", "success"),
-                    "hit"),
-    **dict.fromkeys(("0", "0.0", "false", "no", "n", "missed", "out", "left", "right", "wide", "fail", "failed",
-                     "rim", "rim out", "bounced", "bounced out"), "miss"),
-    **dict.fromkeys(("short", "low", "under", "front"), "miss-low"),
-    **dict.fromkeys(("long", "high", "over", "back"), "miss-high"),
-    **dict.fromkeys(("redo", "void", "discard", "test", "jam"), "rejected"),
-}
+SAID_OF_SHOTS = {text: word for word, texts in VOCABULARY["outcomes"].items() for text in texts}
+SYNONYMS: dict[str, str] = {name: column for column, names in VOCABULARY["synonyms"].items() for name in names}
 TODO = {"hit": "; if it says that it went in, write hit", "miss": "; if it says that it missed, write miss",
         "miss-low": "; write miss, and low in the column side",
         "miss-high": "; write miss, and high in the column side", "rejected": "; leave the cell empty"}
 CORRECTIONS = {**{text: TODO[word] for text, word in SAID_OF_SHOTS.items()},
-               **dict.fromkeys(("rim", "bounced", "bounced out"), "; write hit if it went in, else miss")}
+               **dict.fromkeys(("rim", "bounced", "bounce"), "; write hit if it went in, else miss")}
 TEXTS = ("session", "ball_id")
 
 # An undeclared column is one of numbers when its cells are, or when some are and its name ends in a unit (then
@@ -290,7 +368,7 @@ UNITS = ("m", "s", "deg", "rad", "rad_s", "rev_s", "m_s", "v", "a", "c", "k", "p
 NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.ASCII | re.IGNORECASE)
 # columns of shots without a range of their own that code reads by name
-OTHERS = ("config_id", "shot_id")
+OTHERS = ("config_id", "shot_id", SERVO)
 # column of shots -> words by which a name means it, unless it or one of these is there
 MEANT_BY: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "shot_id": ({"shot", "id"}, ()),
@@ -299,12 +377,6 @@ MEANT_BY: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "motor_ratio": ({"ratio", "power", "throttle", "duty"}, ("exit_speed_m_s", WHEEL.pattern)),
     "outcome": ({"outcome", "result", "score", "scored"}, ("miss_height_m",)),
 }
-# names of columns that are mostly meant as one that is read, where that is not there
-SYNONYMS = {**dict.fromkeys(("time", "time_s", "timestamp", "timestamp_s"), "t_s"), "ball": "ball_id",
-            **dict.fromkeys(("voltage", "voltage_v", "bus_v"), "battery_v"),
-            **dict.fromkeys(("temp", "temp_c"), "temperature_c"),
-            **dict.fromkeys(("exit_velocity_m_s", "velocity_m_s", "speed_m_s"), "exit_speed_m_s"),
-            "spin_rpm": "exit_spin_rpm", "spin_rev_s": "exit_spin_rev_s"}
 # names that say the motors' speed otherwise than by motor_ratio, and what to do with their numbers
 MOTOR = re.compile(r"(motors?|flywheels?|shooter)_?(rpm|speed|velocity|rad_?s|rev_?s|rps|deg_?s|percent|pct|output)?"
                    r"(_(rpm|rad_s|rev_s|rps|deg_s|percent|pct))?|rpm|percent_output")
@@ -316,14 +388,14 @@ NEAR = 0.85                           # likeness of a column's name to one that 
 
 
 def parse_number(cell: Cell) -> float | None:
-    """The number that a cell holds, finite or not; None when it holds none."""
+    """Return the number in a cell, finite or not; None if there is none."""
     if not isinstance(cell, str):
         return None if cell is None else float(cell)
     return float(cell) if NUMBER.fullmatch(cell) or NOT_FINITE.fullmatch(cell) else None
 
 
 def is_numeric(name: str, cells: list[Cell]) -> bool:
-    """Whether a column of shots is one of numbers."""
+    """Return whether a column of shots is numeric."""
     if name in RANGES or WHEEL.fullmatch(name):
         return True
     if name in WORDS or name in TEXTS or name == "shot_id":
@@ -335,7 +407,7 @@ def is_numeric(name: str, cells: list[Cell]) -> bool:
 
 
 def need_columns(table: RawTable, names: Sequence[str]) -> None:
-    """InputError when columns are missing, naming the file and all of them."""
+    """Raise InputError if columns are missing, naming the file and all of them."""
     missing = [name for name in names if name not in table.columns]
     if missing:
         raise InputError(f"{table.place(-1)}: column{'s'[:len(missing) > 1]} {', '.join(missing)} "
@@ -343,8 +415,10 @@ def need_columns(table: RawTable, names: Sequence[str]) -> None:
 
 
 def number_column(table: RawTable, name: str, problems: Problems, needed: bool = True) -> Floats:
-    """A column of finite numbers [n], NaN for an empty cell; a problem is any other cell, a number out of range, and an
-    empty cell where one is needed."""
+    """Return a column of finite numbers [n], NaN for an empty cell.
+
+    A problem is any other cell, a number out of range, or an empty cell where one is required.
+    """
     low, high = RANGES.get(name, NO_RANGE)
     values = np.full(len(table.lines), np.nan)
     beyond: dict[int, float] = {}
@@ -377,16 +451,16 @@ def _beyond(table: RawTable, name: str, number: float) -> str:
     """What to say of a number out of its column's range."""
     low, high = RANGES[name]
     converted = table.written.get(name, ("", 1.0, 0.0))[1:] != (1.0, 0.0)
-    looks = "make sure that its unit is as its name says" if converted else LOOKS.get(name, "")
+    looks = "make sure that its unit is as its name says" if converted else VOCABULARY["looks"].get(name, "")
     if number < low == 0.0:
-        looks = LOWER.get(name, "")
+        looks = VOCABULARY["below"].get(name, "")
     said, least, most = (table.shown(name, value) for value in (number, low, high))
     return f"{said} is out of range ({least} to {most})" + (f"; {looks}" if looks else "")
 
 
 def text_column(table: RawTable, name: str, problems: Problems, needed: bool = True) -> tuple[str, ...]:
-    """A column of texts, "" for an empty cell; a problem is a word that the column does not take, and an empty cell
-    where one is needed."""
+    """Return a column of texts, "" for an empty cell; a problem is a word that is not permitted, or an empty cell where
+    one is required."""
     words = WORDS.get(name)
     values = tuple(map(cell_text, table.columns[name]))
     if name == "outcome":
@@ -407,20 +481,20 @@ def text_column(table: RawTable, name: str, problems: Problems, needed: bool = T
 
 
 def cell_text(cell: Cell) -> str:
-    """A cell as text, "" for an empty one."""
+    """Return a cell as text, "" for an empty one."""
     return "" if cell is None else str(cell)
 
 
 def is_shot_column(name: str) -> bool:
-    """Whether code reads a column of shots by this name."""
+    """Return whether code reads a column of shots by this name."""
     return name in (*RANGES, *WORDS, *TEXTS, *OTHERS) or WHEEL.fullmatch(name) is not None
 
 
 def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Problems) -> RawTable:
     """Return the table with columns renamed and converted; case and blanks in their names do not matter.
 
-    is_read: whether code reads a column of that name; others stay as they are. A problem is a column that stands for
-    one which is there too, or whose name is nearly that of one which is read and is not there.
+    is_read: whether code reads a column of that name; others stay as they are. A problem is a column that duplicates
+    one already present, or whose name is close to that of a column that is read and missing.
     """
     columns: dict[str, list[Cell]] = {}
     written = {}
@@ -450,9 +524,9 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
 
 
 def read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float, float]:
-    """The column that a name stands for, the factor of its numbers, and where they count from.
+    """Return the column that a name stands for, the factor of its numbers, and their zero.
 
-    The name itself, 1 and 0 where it is another column.
+    The name itself, 1 and 0 if it is another column.
     """
     plain = "_".join(name.lower().split())
     if is_read(plain):

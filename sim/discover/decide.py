@@ -23,6 +23,14 @@ its aliases, whatever their probability, names that one step cannot tell from a 
 probable, and numbers of the tracker that explain as well what has changed since an earlier session.
 One name: verdict *named*. Several: *set*; its sentence is `form_of`.
 
+**No effect.** Verdict *none* and no set. The sentence begins with the first row that holds (`opening_of`):
+
+| these shots | sentence |
+|---|---|
+| show an error of the tracker, of one number or of one of several; `tracker` of the finding has that set | *tracker* |
+| could not have shown most of the terms that anything in them depends on, at their usual size | *blind* |
+| otherwise | *none* |
+
 **Adoption.** Everything found, else the effects with a name: the first that no row refuses.
 
 | measure on hold-out shots | refused if |
@@ -39,7 +47,7 @@ Otherwise the present belief stays.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from scipy.special import logsumexp
@@ -49,9 +57,11 @@ from truearc.sim.discover.detect.battery import ALLOWANCE, Asked, Judged, ask_ev
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import Place, locate
 from truearc.sim.discover.finding import Adoption, FitSummary
+from truearc.sim.discover.identifiability import UNTOUCHED, Sight, TermIdentifiability
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis, weigh
 from truearc.sim.discover.select.terms import NEVER, SURE, Naming, name_terms
-from truearc.sim.infer.launcher import LauncherFit
+from truearc.sim.infer.intervals import NumberChange
+from truearc.sim.infer.launcher import STRONG, LauncherFit
 from truearc.sim.infer.likelihood.data import Each
 from truearc.sim.infer.likelihood.score_table import Column, clustered_error, folds_of
 from truearc.sim.printed import Progress, part_of
@@ -63,7 +73,6 @@ TWIN = 0.5                            # of a name's probability, that what hardl
 # Chosen: what is printed as 0 or 1 %
 ANY = 0.01                            # probability of names, below which they do not stand for what is unexplained
 LIKELY = 0.5                          # probability from which a thing is likelier than not
-STRONG = 10.0                         # factor by which strong evidence raises odds (Jeffreys 1961, appendix B)
 # Derived: the normal quantile 0.975, and a likelihood interval of 95 % (Wilks 1938), rounded
 CLEARLY = 2.0                         # standard errors by which plain shares beat a forecast, or a free curve is better
 # Derived: 5 % then falls on a draw, known to 0.7 %
@@ -349,7 +358,7 @@ class Judgement(NamedTuple):
 
     verdict: str
     terms: tuple[str, ...] | None
-    rivals: tuple[battery.NumberChange, ...]
+    rivals: tuple[NumberChange, ...]
 
 
 def verdict_of(first: Step, fitted: LauncherFit, home: LauncherFit | None) -> Judgement:
@@ -362,6 +371,15 @@ def verdict_of(first: Step, fitted: LauncherFit, home: LauncherFit | None) -> Ju
     if rivals:
         terms = tuple(dict.fromkeys((*(one.name.partition(".")[0] for one in rivals), *terms)))
     return Judgement("named" if len(terms) == 1 else "set", terms, rivals)
+
+
+def opening_of(errors: Sequence[Any], sight: Sight, blind: Sequence[TermIdentifiability]) -> str:
+    """What a sentence without an effect begins with: tracker | blind | none.
+
+    errors: sets of the tracker's errors; blind: terms that could not have been seen at their usual size.
+    """
+    asked, unseen = (sum(one.why != UNTOUCHED for one in terms) for terms in (sight.terms, blind))
+    return "tracker" if errors else "blind" if unseen > LIKELY * asked else "none"
 
 
 def form_of(members: Sequence[float]) -> str:

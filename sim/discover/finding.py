@@ -26,7 +26,7 @@ PLANNED_SHOTS, CONFIGURATIONS = 100, 5    # of a design
 
 
 def check_chances(false_alarm: float, seed: int, names: tuple[str, str] = ("false_alarm", "seed")) -> None:
-    """Refuse what no discovery can be run with.
+    """Reject settings that no discovery can run with.
 
     Raises:
         InputError: names the argument, by `names`: a false alarm not from LEAST_FALSE_ALARM to 1, or a negative seed.
@@ -42,7 +42,7 @@ SCHEMA = "truearc.finding/1"
 
 
 class DataSummary(Struct, frozen=True, omit_defaults=True):
-    """The data; `clusters` says which shots have a sign of their own in the test."""
+    """The data; `clusters`: which shots have their own sign in the test."""
 
     shots: int                        # in the dataset
     level: str                        # L0 outcomes | L1 with telemetry | L2 with tracks
@@ -55,6 +55,7 @@ class DataSummary(Struct, frozen=True, omit_defaults=True):
     topspin: bool = False             # of most balls, by wheels or measurement
     at_limit: dict[str, float] = {}   # fitted numbers that stopped at the end of their range
     improbable: dict[str, float] = {} # fitted, but believed all but impossible; else the tracker's
+    notes: tuple[str, ...] = ()       # what limits the shots, or is seldom true of real ones
     sha256: str = ""                  # of the dataset's content, as in provenances
 
 
@@ -97,7 +98,7 @@ class Where(Struct, frozen=True):
 
 
 class Interval(Struct, frozen=True):
-    """A fitted amplitude: 90 % interval."""
+    """The 90 % interval of a fitted amplitude."""
 
     value: float                      # in `unit`
     sd: float                         # standard deviation
@@ -125,7 +126,7 @@ class Unknown(Struct, frozen=True, omit_defaults=True):
 
 
 class FoundEffect(Struct, frozen=True):
-    """One effect, those found before it put in: names as in FindingRecord; `unknown` where none of them is it."""
+    """One effect, with those found before it included: names as in FindingRecord; `unknown` if none of them is it."""
 
     what: tuple[Named, ...]           # as in the finding
     set: tuple[str, ...] | None       # as in the finding
@@ -134,7 +135,7 @@ class FoundEffect(Struct, frozen=True):
 
 
 class FitSummary(Struct, frozen=True):
-    """Figures on shots that the fit had not seen, before and after the free correction."""
+    """Figures on hold-out shots, before and after the free correction."""
 
     heldout_shots: int                # shots that were held out
     log_score_before: float           # nats of all of them
@@ -151,7 +152,7 @@ class FitSummary(Struct, frozen=True):
 
 
 class Adoption(Struct, frozen=True):
-    """Worth of what was found on shots that the fit had not seen, in points, and whether it is adopted."""
+    """Value of the finding on hold-out shots, in points, and whether it is adopted."""
 
     shots: int                        # with an outcome or a height
     threshold: float                  # of P(three), from which the gate fires
@@ -184,7 +185,7 @@ class FindingRecord(Struct, frozen=True):
     also: tuple[FoundEffect, ...] = ()    # further effects, in the order in which they were found
     unexplained: float | UnsetType = UNSET         # probability of an effect of no term, alone or beside a term
     adoption: Adoption | UnsetType = UNSET         # absent where nothing was found, or no target tells points
-    tracker: FoundEffect | UnsetType = UNSET       # change of its calibration since the earlier session, where found
+    tracker: FoundEffect | UnsetType = UNSET       # errors of its calibration, or changes since `since`
 
 
 def load_record(path: str | Path) -> FindingRecord:
@@ -201,7 +202,7 @@ def load_record(path: str | Path) -> FindingRecord:
 
 
 def make_json(result: Struct) -> bytes:
-    """JSON text of a finding, or of another result; numbers that are not finite become null."""
+    """Return the JSON text of a finding, or of another result; numbers that are not finite become null."""
     return msgspec.json.format(msgspec.json.encode(result), indent=1) + b"\n"
 
 
@@ -216,7 +217,7 @@ class BeliefFile(Struct, frozen=True):
 
 
 class ProposedEffect(Struct, frozen=True):
-    """One effect that the proposed belief has and the former did not."""
+    """One effect that the proposed belief has and the previous one did not."""
 
     term: str                         # name in docs/reference/terms.md
     probability: float                # that it is this term, of all candidates and an unknown one
@@ -228,7 +229,7 @@ class ProposedEffect(Struct, frozen=True):
 
 
 class SetPointChange(Struct, frozen=True):
-    """Set points of one distance by both beliefs; null: by that belief none scores there."""
+    """Set points of one distance under both beliefs; null: none scores there under that belief."""
 
     distance_m: float                 # from exit to target
     hood_before_deg: float | None     # launch elevation
@@ -240,7 +241,7 @@ class SetPointChange(Struct, frozen=True):
 
 
 class AimProposal(Struct, frozen=True):
-    """A new belief with its aim, to accept or not."""
+    """A new belief with its aim, to accept or reject."""
 
     id: str                           # of the content; another proposal has another
     t: str | None                     # when it was made, ISO 8601, UTC
@@ -259,6 +260,6 @@ class AimProposal(Struct, frozen=True):
 
 
 def with_id(proposal: AimProposal) -> AimProposal:
-    """The same with the id of its content, its time aside."""
+    """Return the record with the id of its content, excluding its time."""
     content = msgspec.json.encode(msgspec.structs.replace(proposal, id="", t=None))
     return msgspec.structs.replace(proposal, id=hashlib.sha256(content).hexdigest()[:16])

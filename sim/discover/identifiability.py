@@ -47,11 +47,11 @@ UNTOUCHED, TAKEN = "untouched", "taken up"      # values of truearc.identifiabil
 
 
 class TermIdentifiability(Struct, frozen=True):
-    """One term. `usual`, `smallest` in `unit`; `power` of seeing it at its usual size with these shots.
+    """One term. `usual`, `smallest` in `unit`; `power` to detect it at its usual size with these shots.
 
-    share_left: of its information, after the fitted numbers. shots_needed: to see it at its usual size, None where no
-    number will do; then `why` is UNTOUCHED (nothing in the data depends on it) or TAKEN (the numbers that `taken_by`
-    lists absorb it). like: the most similar other term with its correlation. also: known otherwise.
+    share_left: share of its information that the fitted numbers leave. shots_needed: to detect it at its usual size,
+    None if no number suffices; `why` is then UNTOUCHED (nothing in the data depends on it) or TAKEN (the numbers in
+    `taken_by` absorb it). like: the most similar other term with its correlation. also: known otherwise.
     """
 
     term: str                         # name in docs/reference/terms.md
@@ -70,7 +70,7 @@ class TermIdentifiability(Struct, frozen=True):
 
 
 class Fittable(Struct, frozen=True):
-    """A number that is fitted anyway: its standard deviation before and after these shots."""
+    """A number that is fitted in any case: its standard deviation before and after these shots."""
 
     name: str                         # term.parameter
     unit: str                         # of `before` and `after`
@@ -79,7 +79,7 @@ class Fittable(Struct, frozen=True):
 
 
 class Sight(Struct, frozen=True):
-    """What `shots` of this kind could show. classes: terms that these data cannot tell apart (more than one each)."""
+    """What `shots` of this kind could show. classes: terms that these data cannot distinguish (more than one each)."""
 
     shots: int                        # number of shots
     level: str                        # L0 outcomes | L1 with telemetry | L2 with tracks
@@ -91,9 +91,9 @@ class Sight(Struct, frozen=True):
 
 
 def sight_of(evidence: ScoreTable, level: str, believed: tuple[str, ...], threshold: float | None = None) -> Sight:
-    """Of every candidate term, most easily seen first; believed ones are among the fitted numbers.
+    """Evaluate every candidate term, easiest to detect first; believed ones are among the fitted numbers.
 
-    threshold: the |score| that a term needs, in standard deviations; None: as discovery would have it, simulated.
+    threshold: the |score| that a term needs, in standard deviations; None: simulated, as in discovery.
     """
     columns = np.array([k for k, column in enumerate(evidence.columns) if column.kind == "term"], dtype=int)
     own, left, free, parts = _efficient(evidence, columns)
@@ -129,8 +129,8 @@ def _efficient(evidence: ScoreTable, columns: Int[Array, " K"]) -> tuple[
 
 
 def chance_threshold(correlation: Float[Array, "K K"]) -> float:
-    """Limit, in standard deviations, that the largest of K scores so correlated passes in the terms' share of alarms.
-    """
+    """Return the limit, in standard deviations, that the largest of K correlated scores exceeds at the terms' share of
+    the false-alarm rate."""
     size, turn = np.linalg.eigh(correlation)
     root = (turn * np.sqrt(np.maximum(size, 0.0))) @ turn.T
     drawn = np.random.default_rng(SEED).normal(size=(DRAWS, len(size))) @ root
@@ -212,8 +212,8 @@ FREE_M_S = (5.0, 11.0)                # thrown, where there is no launcher; chos
 
 def foresee(rig: Rig, believed: tuple[str, ...], level: str, shots: int, sides: bool = False, seed: int = 0,
             progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Sight:
-    """The effects that a season of `shots` with this rig could show; InputError as in rehearse. among: the catalogue.
-    """
+    """Return the effects that a season of `shots` with this rig could show; InputError as in rehearse. among: the
+    catalogue."""
     progress(0.0, "aim")
     dataset = rehearse(rig, believed, level, shots, sides, seed, among)
     progress(0.2, "slopes")
@@ -223,7 +223,7 @@ def foresee(rig: Rig, believed: tuple[str, ...], level: str, shots: int, sides: 
 
 
 def is_planned(dataset: Dataset) -> bool:
-    """Whether its shots have no results yet, so that they are looked at as aimed beside the centre."""
+    """Return whether its shots have no results yet, so that they are treated as aimed beside the centre."""
     has_results = dataset.tracks is not None or sum(map(bool, dataset.shots.text("outcome"))) >= FEWEST or (
         np.isfinite(dataset.shots.number("miss_height_m")).sum() >= FEWEST)
     return not has_results and dataset.facts.target is not None
@@ -231,8 +231,11 @@ def is_planned(dataset: Dataset) -> bool:
 
 def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = False, seed: int = 0,
                     progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Sight:
-    """The effects that the shots of a dataset can show: with results at the coefficients fitted to them, else as aimed
-    beside the centre with the usual coefficients."""
+    """Return the effects that the shots of a dataset can show.
+
+    Shots with results are evaluated at the coefficients fitted to them, others as aimed beside the centre with the
+    usual coefficients.
+    """
     dataset = dataset.in_order()
     if not is_planned(dataset):
         model = _model_of(dataset, believed, among)
@@ -272,7 +275,7 @@ def _as_aimed(evidence: ScoreTable, seed: int) -> ScoreTable:
 
 @dataclass(frozen=True)
 class Plan:
-    """n configurations. drive: motor ratio, or speed in m/s of surfaces or balls where the rig states no motors."""
+    """n configurations. drive: motor ratio, or speed in m/s of surfaces or balls if the rig states no motors."""
 
     distance_m: Float[Array, " n"]
     hood_deg: Float[Array, " n"]
@@ -281,7 +284,7 @@ class Plan:
 
 def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASON_SHOTS, sides: bool = False,
              seed: int = 0, among: Catalogue | None = None) -> Dataset:
-    """A dataset of `shots` aimed beside the centre, high and low, as one aims to learn.
+    """Make a dataset of `shots` aimed beside the centre, high and low, as one aims to learn.
 
     L1 adds telemetry, circumstances, balls and sessions, L2 tracks. sides: high or low is noted of every miss. among:
     the catalogue of the terms.
@@ -317,13 +320,14 @@ def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASO
 
 
 def mark(shots: int, sides: bool) -> dict[str, tuple[str, ...]]:
-    """Outcomes by which no expected information changes: which classes there are counts, not which it was."""
+    """Return outcomes that change no expected information: only the available classes matter, not the class of a
+    shot."""
     side = {"side": tuple("low" if k % 2 else "high" for k in range(shots))} if sides else {}
     return {"outcome": ("miss",) * shots, **side}
 
 
 def settings(rig: Rig, plan: Plan) -> dict[str, Float[Array, " n"]]:
-    """The columns that say how a plan's shots are launched."""
+    """Return the columns that say how a plan's shots are launched."""
     if not rig.launcher.wheel:
         return {"exit_speed_m_s": plan.drive, "exit_deg": plan.hood_deg,
                 "exit_spin_rev_s": np.linspace(0.0, 4.0, len(plan.drive))}

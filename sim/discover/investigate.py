@@ -1,9 +1,9 @@
-"""Discovery: the detection, localization and naming of a mismatch, and the gain of a simulation that includes it.
+"""Discovery: the detection, localization and naming of a mismatch, and the gain from a simulation that includes it.
 
 The belief from an investigation has fitted coefficients, every named effect, and their covariance.
 
-A later session may use different balls, and a fit with random effects of balls attributes much of any change in the
-robot to them, forecasting that session equally well. But the next session uses different balls again. A belief is
+A later session may use different balls. A fit with random effects of balls then attributes much of any change in the
+robot to the balls and forecasts that session equally well, but the next session uses different balls again. A belief is
 therefore judged without the session's random effects of balls. If its forecasts are then worse, judged by the 90 %
 interval, it is not adopted, even if it gains with this session's balls; if they are not worse, it is adopted even
 without such a gain.
@@ -31,10 +31,11 @@ from truearc.sim.discover.detect.covariates import gather_covariates, gather_fac
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.finding import FALSE_ALARM, SIGN_DRAWS, Adoption, FindingRecord
 from truearc.sim.discover.report.build_finding import make_finding, silent
-from truearc.sim.discover.report.finding_text import say_limits
+from truearc.sim.discover.report.finding_text import say_limits, say_odd
 from truearc.sim.discover.select import simulations as worth
 from truearc.sim.discover.select.simulations import Freed, Mixed, all_freed, mixed, shares, track_errors
 from truearc.sim.discover.select.terms import SURE, by_own_prior
+from truearc.sim.infer import launcher
 from truearc.sim.infer.belief import Belief, Coefficients, Curve, launcher_of, moved_curves, ranges_of
 from truearc.sim.infer.fit import Fit, climb, fit_believed
 from truearc.sim.infer.launcher import Launcher, LauncherFit, coefficients_of, covariance_of, scatter_of, stopped
@@ -114,20 +115,23 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
 
 
 def with_worth(investigation: Investigation) -> Investigation:
-    """The same with what is adopted of it, and its finding with what that is worth in points."""
+    """Return the same with what is adopted of it, and its finding with its worth in points."""
     if not investigation.steps or investigation.fitted is None:
         return investigation
     choice, found = judge_adoption(investigation), investigation.finding
     if new := {name: at for name, at in choice.at_limit.items() if name not in found.data.at_limit}:
         data = structs.replace(found.data, at_limit=found.data.at_limit | new)
         found = structs.replace(found, data=data, sentence=found.sentence + say_limits(new))
+    if not choice.trial.empty:
+        said = say_odd(launcher.odd_places(choice.trial.scores, investigation.catalogue).values())
+        found = structs.replace(found, sentence=found.sentence + said)
     if choice.points is not None:
         found = structs.replace(found, adoption=structs.replace(choice.points, refused=choice.why or None))
     return replace(investigation, finding=found, choice=choice)
 
 
 def believed_names(dataset: Dataset, believed: Sequence[str] | None, among: Catalogue) -> tuple[str, ...]:
-    """Names of the believed terms, gravity first: every flight needs it."""
+    """Return the names of the believed terms, gravity first: every flight needs it."""
     given = tuple(dataset.facts.believe.terms if believed is None else believed)
     try:
         among.find(given)
@@ -146,7 +150,7 @@ def make_search(dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 
 
 
 def detect(fitted: LauncherFit, search: Search, progress: Progress) -> tuple[Asked, Judged]:
-    """All tests of one fit, judged. Without a test nothing is judged."""
+    """Evaluate all tests of one fit. Without a test nothing is judged."""
     asked = search.ask(fitted)
     judged = judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, SIGN_DRAWS, search.seed, progress)
     return asked, judged
@@ -160,8 +164,9 @@ def _at_home(since: Dataset, belief: Belief, terms: tuple[str, ...], later: Layo
 
 
 def follow_shots(dataset: Dataset, belief: Belief, seed: int = 0) -> ChangeTest:
-    """Test the shots of a dataset, in their order, for a change since the belief. Outcomes and heights at the target
-    count, tracks do not.
+    """Test the shots of a dataset, in order, for a change since the belief.
+
+    Outcomes and heights at the target count, tracks do not.
 
     Raises:
         InputError: no shot has an outcome or height with its distance and launch, or the rig has no target.
@@ -173,13 +178,13 @@ def follow_shots(dataset: Dataset, belief: Belief, seed: int = 0) -> ChangeTest:
 
 
 def told_by_session(belief: Belief) -> tuple[str, ...]:
-    """Terms that go with what compares a shot with its session, and so with shots to come: no directions of the test.
-    """
+    """Return terms that follow comparisons of a shot with its session, which includes later shots: the test excludes
+    them."""
     return tuple(term.name for term in belief.catalogue if term.follows in OF_SESSION)
 
 
 def score_since(dataset: Dataset, belief: Belief) -> ScoreTable | None:
-    """The score table of a dataset about the belief's mean; None where no shot says anything of the height."""
+    """Return the score table of a dataset about the belief's mean; None if no shot has information on the height."""
     dataset = before_flight(dataset.in_order())
     names = believed_names(dataset, tuple(belief.coefficients), belief.catalogue)
     data = take_in(dataset, belief.curves, fewest=1)
@@ -190,8 +195,8 @@ def score_since(dataset: Dataset, belief: Belief) -> ScoreTable | None:
 
 
 def before_flight(dataset: Dataset) -> Dataset:
-    """The columns known before each flight, and the outcomes: without tracks, and without measured launches of shots
-    whose wheels are known."""
+    """Return the columns known before each flight, and the outcomes: without tracks, and without measured launches of
+    shots whose wheel speeds are known."""
     shots = dataset.shots
     by_robot = np.isfinite(shots.number("motor_ratio")) & np.isfinite(shots.number("hood_deg"))
     for wheel in dataset.facts.launcher.wheel if not by_robot.all() else ():
@@ -202,20 +207,21 @@ def before_flight(dataset: Dataset) -> Dataset:
 
 
 def ball_effects(evidence: ScoreTable) -> Int[Array, " k"]:
-    """Places of the columns of a later session's balls; none where no belief about earlier ones was given."""
+    """Return the places of the columns of a later session's balls; none without a belief about earlier ones."""
     return np.array([k for k, column in enumerate(evidence.columns) if column.kind == "group" and column.told],
                     dtype=int)
 
 
 def usual_score(evidence: ScoreTable) -> Float[Array, " n"]:
-    """Log score [n] of each shot by fits of all columns to the other folds, had the balls been as believed."""
+    """Return the log score [n] of each shot from fits of all columns to the other folds, had the balls been as
+    believed."""
     change, balls = evidence.held_out_change(), ball_effects(evidence)
     change[:, balls] = -evidence.point[balls]
     return np.asarray(evidence.log_score + evidence.gain(change))
 
 
 def usual_gain(before: ScoreTable, after: ScoreTable) -> tuple[float, float]:
-    """90 % interval of the log score that a shot gains by `after` in place of `before`, columns all shared in both."""
+    """Return the 90 % interval of a shot's gain in log score from `before` to `after`, with all columns shared."""
     gain = usual_score(after) - usual_score(before)
     error = Z90 * clustered_error(gain, after.rows)
     return float(gain.mean() - error), float(gain.mean() + error)
@@ -223,7 +229,7 @@ def usual_gain(before: ScoreTable, after: ScoreTable) -> tuple[float, float]:
 
 def make_belief(investigation: Investigation,
                 choice: "Choice[Simulation] | None" = None) -> tuple[Belief, dict[str, Any]]:
-    """(coefficients, scatter and covariance with all that was named, and the curve of the rest; provenance).
+    """Return (coefficients, scatter and covariance with everything named, and the curve of the rest; provenance).
 
     Where several names of the last effect could not be told apart, the simulation is chosen that forecasts their
     average (truearc.sim.discover.select.simulations). Where nothing is found, or nothing of it adopted, or even a
@@ -300,7 +306,7 @@ class Simulation:
 
     @staticmethod
     def of(investigation: Investigation, steps: tuple[Step, ...], gain: Gain, threshold: float | None) -> "Simulation":
-        """With these effects in it, as far as a simulation can hold them."""
+        """Return the simulation with these effects, as far as one can represent them."""
         named = tuple(step for step in steps if not step.unknown)
         free, why = (all_freed(steps[-1], investigation.search)
                      if steps and steps[-1].unknown and investigation.search is not None else ((), ""))
@@ -379,9 +385,11 @@ def _parts(several: Mixed | None) -> list[str]:
 
 def judge_points(investigation: Investigation, taken: Simulation,
                  threshold: float = worth.THRESHOLD) -> Adoption | None:
-    """Points on hold-out shots by what was taken, and by what stays without it: the belief that was started from, as it
-    is, else the fit of what was believed. None where nothing was taken, or no target tells points. threshold: of the
-    gate."""
+    """Return points on hold-out shots under the adopted belief, and under the one kept otherwise.
+
+    The latter is the earlier belief unchanged, or else the fit of what was believed. None if nothing was adopted, or no
+    target gives points. threshold: of the gate.
+    """
     fitted = investigation.fitted
     if fitted is None or taken.empty or fitted.model.data.rig.target is None:
         return None
@@ -402,7 +410,7 @@ def judge_points(investigation: Investigation, taken: Simulation,
 
 
 def unfitted(fitted: LauncherFit) -> LauncherFit:
-    """The believed simulation as it was before these shots."""
+    """Return the believed simulation as it was before these shots."""
     model = fitted.model.shared_only()
     return Fit(model, model.believed(), model.linearise(model.believed())[0])
 
@@ -451,7 +459,7 @@ def _cut(fitted: LauncherFit, steps: tuple[Step, ...]) -> tuple[Step, ...]:
 
 
 def with_own_priors(named: tuple[Step, ...]) -> Step:
-    """The last step, its refits by the amplitudes' own priors: by normal ones large effects come out too small."""
+    """Return the last step with refits by the amplitudes' own priors: normal priors shrink large effects too much."""
     last = named[-1]
     parts = {last.naming.leader} if last.naming.probability[last.naming.leader] >= SURE else shares(last.naming)
     beside = [(one.fitted, one.refit) for one in named[:-1] if set(one.refit.names) <= set(last.base)]
@@ -461,8 +469,11 @@ def with_own_priors(named: tuple[Step, ...]) -> Step:
 
 
 def flown_error(found: LauncherFit, among: Catalogue) -> float:
-    """RMS error in m of where tracks end, each shot by a fit to the other folds, flown as an adopted belief is: from
-    its settings alone, and without the errors of the tracker that were fitted beside it."""
+    """Return the RMS error in m of where tracks end.
+
+    Each shot is flown from a fit to the other folds as an adopted belief is: from its settings alone, and without the
+    tracker errors fitted along with it.
+    """
     tracker = np.array([is_tracker(column, among) for column in found.scores.columns])
     values, change = found.point.values.copy(), found.scores.held_out_change()
     values[found.model.layout.source[tracker]] = 0.0

@@ -22,7 +22,7 @@ from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.battery import name_of
 from truearc.sim.discover.detect.covariates import IN_FLIGHT
 from truearc.sim.discover.finding import CONFIGURATIONS, PLANNED_SHOTS
-from truearc.sim.discover.identifiability import DRAWS, sight_of
+from truearc.sim.discover.identifiability import DRAWS, UNTOUCHED, Sight, TermIdentifiability
 from truearc.sim.discover.select.terms import efficient, nats_for
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
@@ -44,7 +44,7 @@ Information = Float[Array, "P P"]
 
 @dataclass(frozen=True)
 class Block:
-    """Shots of one configuration: `row` of the evidence's shots, its wheels `pace` times as fast."""
+    """Shots of one configuration: `row` of the evidence's shots, with wheels `pace` times as fast."""
 
     row: int
     shots: int
@@ -74,7 +74,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Contest:
-    """K names: columns of the evidence, amplitudes, sizes, probabilities, and what refits know beyond one step."""
+    """K names: columns of the evidence, amplitudes, sizes, probabilities, and what refits add to one step."""
 
     scores: ScoreTable
     columns: Int[Array, " K"]
@@ -85,7 +85,7 @@ class Contest:
 
 
 def make_design(step: Step, shots: int = PLANNED_SHOTS, configurations: int = CONFIGURATIONS, seed: int = 0) -> Design:
-    """Blocks of equal numbers of shots, most telling first. ValueError where fewer than two names compete."""
+    """Return blocks of equal numbers of shots, most informative first. ValueError if fewer than two names compete."""
     if not can_design(step):
         raise ValueError("fewer than two names compete")
     names = _competing(step)
@@ -106,7 +106,7 @@ def make_design(step: Step, shots: int = PLANNED_SHOTS, configurations: int = CO
 
 
 def can_design(step: Step) -> bool:
-    """Whether there are two names or more to tell apart."""
+    """Return whether there are two or more names to separate."""
     return not step.unknown and len(_competing(step)) > 1
 
 
@@ -129,21 +129,22 @@ def _contest(step: Step, names: tuple[str, ...]) -> Contest:
 
 
 def separation(contest: Contest, more: Information | float) -> Float[Array, "K K"]:
-    """Delta [K, K]: how far name k, at its best, is from data that j makes, as a chi-squared; 0 on the diagonal."""
+    """Return delta [K, K]: the chi-squared distance of name k, at its best, from data that j makes; 0 on the
+    diagonal."""
     left = efficient(contest.scores, contest.columns, more)[1]
     own = np.maximum(np.diag(left), 1e-300)
     return contest.amplitude[:, None]**2 * np.maximum(own[:, None] - left**2 / own[None, :], 0.0)
 
 
 def worth(contest: Contest, more: Information | float) -> float:
-    """Mean log separation of pairs, each as likely as its two names; what a design is chosen by."""
+    """Return the mean log separation of pairs, each as likely as its two names; the criterion of a design."""
     weight = np.outer(contest.probability, contest.probability) * (1.0 - np.eye(len(contest.columns)))
     return float((weight * np.log1p(separation(contest, more))).sum() / weight.sum())
 
 
 def at_paces(fitted: LauncherFit) -> dict[float, ScoreTable]:
-    """{pace: expected evidence of all shots so}; the recorded one alone where tracks or measured exits tell how fast
-    each ball was."""
+    """Return {pace: expected evidence of all shots at it}; only the recorded pace if tracks or measured exits give the
+    speed of each ball."""
     intake, there = fitted.model.data, {1.0: fitted.scores}
     if intake.samples is not None or np.isfinite(intake.exits).any() or not np.asarray(intake.lanes.rolled).any():
         return there
@@ -157,7 +158,7 @@ def at_paces(fitted: LauncherFit) -> dict[float, ScoreTable]:
 
 
 def within_reach(fitted: LauncherFit, paces: Iterable[float]) -> list[tuple[int, float]]:
-    """(row, pace) of every configuration whose wheels turn no slower and no faster than they have been seen to."""
+    """Return (row, pace) of every configuration whose wheel speeds stay within the observed range."""
     lanes = fitted.model.data.lanes
     speed, rolled = np.asarray(lanes.rolling.speed_m_s), np.asarray(lanes.rolled)
     low, high = (speed[rolled].min(), speed[rolled].max()) if rolled.any() else (0.0, 0.0)
@@ -183,7 +184,7 @@ def choose_blocks(contest: Contest, block: int, options: Sequence[Option], count
 
 
 def chance_of_name(contest: Contest, more: Information, seed: int) -> float:
-    """Probability that the right name will hold SURE of the probability, were `more` information there.
+    """Return the probability that the right name will hold SURE of the probability, given `more` information.
 
     Truths are drawn as likely as they are now, each at its fitted amplitude; scores to come are normal.
     """
@@ -250,8 +251,8 @@ FEW = 3                               # measurements proposed at most; chosen: a
 
 
 def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> tuple[dict[str, Any], ...]:
-    """The configuration among the shots at which the two likeliest names differ most, measurements that settle the
-    names that compete (or confirm the only one), and what to note of every shot from now on."""
+    """Return the configuration at which the two likeliest names differ most, measurements that settle the competing
+    names (or confirm the only one), and what to record for every later shot."""
     if chosen is None:
         vertical = step.place is not None and step.place.column.direction == "vertical"
         return (*_spin(dataset, vertical), *_about_unknown(step), *_sides(dataset))
@@ -276,22 +277,21 @@ def _spin(dataset: Dataset, like_lift: bool) -> tuple[dict[str, Any], ...]:
              "exit_spin_rev_s): missing lift would look like this"},) if like_lift and not has_spin(dataset) else ()
 
 
-def blind_terms(evidence: ScoreTable, threshold: float, among: Catalogue) -> list[Term]:
-    """Terms that these shots would not have shown at their usual size, four times in five, among all that was asked.
+def blind_terms(sight: Sight) -> list[TermIdentifiability]:
+    """Return the tested terms that these shots would not have shown at their usual size, four times in five.
 
-    Those that move shots most come first, whether or not fitted numbers can stand in for them. threshold: the |score|
-    that a term needs, in standard deviations.
+    Those that move shots most come first, whether or not fitted numbers can stand in for them; last those that nothing
+    in the data depends on.
     """
-    blind = [one for one in sight_of(evidence, "", (), threshold).terms
-             if one.smallest is None or one.smallest > one.usual]
-    blind.sort(key=lambda one: -one.usual**2 * one.information / max(one.share_left, 1e-9))
-    return [term for one in blind if (term := among.get(one.term)) is not None]
+    blind = [one for one in sight.terms if one.smallest is None or one.smallest > one.usual]
+    return sorted(blind, key=lambda one: (one.why == UNTOUCHED,
+                                          -one.usual**2 * one.information / max(one.share_left, 1e-9)))
 
 
-def measure_blind(blind: Sequence[Term], tracked: bool) -> tuple[dict[str, Any], ...]:
-    """The measurements for the first of these terms; none of flights that are filmed already."""
+def measure_blind(blind: Sequence[TermIdentifiability], tracked: bool, among: Catalogue) -> tuple[dict[str, Any], ...]:
+    """Return the measurements for the first of these terms; none for flights that are already filmed."""
     found: dict[str, tuple[str, list[str]]] = {}
-    for term in blind:
+    for (term,) in (among.find([one.term]) for one in blind):
         if term.instrument is not None and not (tracked and (isinstance(term, WatchTerm) or term.instrument.filmed)):
             found.setdefault(term.instrument.id, (term.instrument.what, []))[1].append(term.name)
     return tuple({"do": "measure", "instrument": name, "what": what, "shows": terms}
@@ -299,7 +299,7 @@ def measure_blind(blind: Sequence[Term], tracked: bool) -> tuple[dict[str, Any],
 
 
 def measure_terms(terms: Sequence[Term], tracked: bool = False) -> tuple[dict[str, Any], ...]:
-    """The measurements that settle which of these terms it is; none of flights that are filmed already."""
+    """Return the measurements that settle which of these terms it is; none for flights that are already filmed."""
     instruments = [term.instrument for term in terms]
     wanted = {one.id: one.what for one in instruments if one is not None and not (tracked and one.filmed)}
     return tuple({"do": "measure", "instrument": name, "what": what} for name, what in list(wanted.items())[:FEW])
@@ -341,8 +341,8 @@ def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
 
 
 def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:
-    """The recorded configuration where the two, each fitted, forecast the most different heights; None where SHOTS of
-    them would hardly tell the two apart."""
+    """Return the recorded configuration where the two terms, each fitted, forecast the most different heights; None if
+    SHOTS of them would hardly separate the two."""
     evidence = step.fitted.scores
     plane = evidence.plane
     if plane is None or any(name not in step.naming.refits for name in pair):
@@ -363,7 +363,7 @@ def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[st
 
 
 def moved_by(evidence: ScoreTable, one: LauncherFit) -> Float[Array, " P"]:
-    """Change [P] of the evidence's columns that a refit of one name amounts to.
+    """Return the change [P] of the evidence's columns that corresponds to a refit of one name.
 
     A name that is a fitted number itself (one that has changed since the belief) stands in that number's place: it is
     then a move from where the number was fitted, not from where it was believed.

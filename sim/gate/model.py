@@ -75,7 +75,7 @@ class Widths(NamedTuple):
 
 
 class GateShape(NamedTuple):
-    """What theta says besides the residual."""
+    """What theta contains besides the residual."""
 
     scale: Any
     floor_m: Any
@@ -85,20 +85,21 @@ class GateShape(NamedTuple):
 
 
 def basis(z: Any) -> Any:
-    """Constant, linear and quadratic functions [n, 10] of standardised features [n, 3], each of about unit size."""
+    """Return constant, linear and quadratic functions [n, 10] of standardised features [n, 3], each of about unit
+    size."""
     x, y, w = z[:, 0], z[:, 1], z[:, 2]
     return jnp.stack([jnp.ones_like(x), x, y, w, 0.7 * (x * x - 1.0), 0.7 * (y * y - 1.0), 0.7 * (w * w - 1.0),
                       x * y, x * w, y * w], axis=1)
 
 
 def residual_basis(widths: Widths, z: Any, by_speed_m: Any) -> Any:
-    """[n, 20] in m: the residual is this times the first RESIDUAL numbers of theta."""
+    """Return [n, 20] in m: the residual is this times the first RESIDUAL numbers of theta."""
     functions = basis(z)
     return jnp.concatenate([widths.height_m * functions, widths.speed * by_speed_m[:, None] * functions], axis=1)
 
 
 def shape_of(theta: Any, halves_m: Any) -> GateShape:
-    """Scale, floor, half-heights and lapse of theta; halves_m: (two, three) of rig.toml."""
+    """Return scale, floor, half-heights and lapse of theta; halves_m: (two, three) of rig.toml."""
     scale, floor_m, two, three, lapse = (median * jnp.exp(spread * theta[RESIDUAL + k])
                                          for k, (median, spread) in enumerate(PRIORS.values()))
     two_m = two * halves_m[0]
@@ -106,12 +107,12 @@ def shape_of(theta: Any, halves_m: Any) -> GateShape:
 
 
 def spread_m(shape: GateShape, propagated_m: Any, doubt_m: Any = 0.0) -> Any:
-    """Standard deviation of the height; `doubt_m`: of the residual itself."""
+    """Return the standard deviation of the height; `doubt_m`: of the residual itself."""
     return jnp.sqrt((shape.scale * propagated_m) ** 2 + shape.floor_m**2 + doubt_m**2)
 
 
 def cell_probabilities(shape: GateShape, mean_m: Any, sigma_m: Any) -> Any:
-    """[n, 5]: miss low, two low, three, two high, miss high; rows sum to 1."""
+    """Return [n, 5]: miss low, two low, three, two high, miss high; rows sum to 1."""
     below = [norm.cdf((edge - mean_m) / sigma_m) for edge in (-shape.two_m, -shape.three_m, shape.three_m)]
     above = norm.cdf((mean_m - shape.two_m) / sigma_m)
     cells = jnp.stack([below[0], below[1] - below[0], below[2] - below[1],
@@ -120,7 +121,7 @@ def cell_probabilities(shape: GateShape, mean_m: Any, sigma_m: Any) -> Any:
 
 
 def log_likelihoods(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> Any:
-    """Log probability [n] of what each row says (a log density in 1/m where the height was measured)."""
+    """Return the log probability [n] of each row's data (a log density in 1/m if the height was measured)."""
     shape = shape_of(theta, halves_m)
     mean_m = data.deviation_m + residual_basis(widths, data.z, data.by_speed_m) @ theta[:RESIDUAL]
     sigma_m = spread_m(shape, data.sigma_m)
@@ -132,7 +133,7 @@ def log_likelihoods(theta: Any, widths: Widths, data: GateData, halves_m: Any) -
 
 
 def loss(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> Any:
-    """Minus the log posterior, up to a constant."""
+    """Return minus the log posterior, up to a constant."""
     return 0.5 * theta @ theta - jnp.dot(data.weight, log_likelihoods(theta, widths, data, halves_m))
 
 
@@ -150,14 +151,15 @@ class GateFit(NamedTuple):
 
 
 def fit_widest(data: GateData, halves_m: tuple[float, float]) -> GateFit:
-    """The fit whose widths have the most evidence: first the speed's is chosen, then the height's; deterministic."""
+    """Return the fit with the widths of largest evidence: the speed's is chosen first, then the height's;
+    deterministic."""
     data = padded(data)
     best = _best(data, halves_m, [Widths(HEIGHT_WIDTHS_M[0], speed) for speed in SPEED_WIDTHS], None)
     return _best(data, halves_m, [Widths(height_m, best.widths.speed) for height_m in HEIGHT_WIDTHS_M[1:]], best)
 
 
 def fit_once(data: GateData, halves_m: tuple[float, float], widths: Widths, start: np.ndarray | None = None) -> GateFit:
-    """MAP by Newton's method in a trust region, with exact first and second derivatives."""
+    """Find the MAP estimate by Newton's method in a trust region, with exact first and second derivatives."""
     halves = jnp.asarray(halves_m)
 
     def slope(theta: np.ndarray) -> tuple[float, np.ndarray]:
@@ -177,7 +179,7 @@ def fit_once(data: GateData, halves_m: tuple[float, float], widths: Widths, star
 
 
 def padded(data: GateData) -> GateData:
-    """Rows filled up to a multiple of PAD with copies of weight 0."""
+    """Pad rows to a multiple of PAD with copies of weight 0."""
     have = len(data.weight)
     rows = np.resize(np.arange(have), -(-have // PAD) * PAD)
     weight = np.where(np.arange(rows.size) < have, data.weight[rows], 0.0)
@@ -233,9 +235,9 @@ class Novelty:
 
 
 def fit_novelty(features: np.ndarray) -> Novelty:
-    """Landmarks and scale from recorded feature rows [n, 3]; the same rows in the same order give the same.
+    """Return landmarks and scale from recorded feature rows [n, 3]; the same rows in the same order give the same.
 
-    Repeats of one configuration count once; with few different configurations the farthest neighbour is nearer.
+    Repeats of one configuration count once; with few different configurations a nearer neighbour is used.
     """
     features = np.asarray(features, np.float64)
     mean, scale = network.standardisation(features)
@@ -248,7 +250,7 @@ def fit_novelty(features: np.ndarray) -> Novelty:
 
 
 def farthest_points(points: np.ndarray, nearest: float, most: int) -> np.ndarray:
-    """Positions of points [n, d], ascending: the farthest from those chosen, again and again, first the middle one.
+    """Return positions of points [n, d], ascending: the middle one, then repeatedly the farthest from those chosen.
 
     Stops when all others are within `nearest` of a chosen one, or when `most` are chosen.
     """
@@ -264,7 +266,7 @@ def farthest_points(points: np.ndarray, nearest: float, most: int) -> np.ndarray
 
 
 def novelty_record(novelty: Novelty) -> dict[str, Any]:
-    """Plain values for a weights directory's record; `parse_novelty` reads them back exactly."""
+    """Return plain values for a weights directory's record; `parse_novelty` reads them back exactly."""
     return {"mean": novelty.mean.tolist(), "scale": novelty.scale.tolist(), "landmarks": novelty.landmarks.tolist(),
             "largest": novelty.largest, "neighbour": novelty.neighbour}
 
@@ -276,7 +278,7 @@ def describe_novelty(novelty: Novelty) -> dict[str, Any]:
 
 
 def parse_novelty(record: Any, name: str) -> Novelty:
-    """The measure in a record that came from somewhere called `name`; InputError when there is none to be had."""
+    """Parse the measure from a record; `name` is its source. InputError if there is none."""
     try:
         known = len(record["landmarks"])
         mean, scale = (finite_array(record[key], (len(FEATURES),)) for key in ("mean", "scale"))
@@ -341,11 +343,11 @@ class PhysicsGate:
 
     @property
     def shape(self) -> GateShape:
-        """Scale, floor_m, two_m, three_m and lapse, as plain numbers."""
+        """Return scale, floor_m, two_m, three_m and lapse as plain numbers."""
         return GateShape(*map(float, shape_of(self.fit.theta, np.array(halves_of(self.rig)))))
 
     def latent(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean of the height at the plane minus the target's centre, and its standard deviation, [n] in m each.
+        """Return mean and standard deviation of the height at the plane minus the target's centre, [n] in m each.
 
         features [n, 3] in the contract's order and units.
         """
@@ -353,25 +355,25 @@ class PhysicsGate:
         return self.correct(features, physics_of(self.rig, self.belief, features))
 
     def correct(self, features: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
-        """As latent, where the physics has been asked already."""
+        """Return latent values from physics that is already computed."""
         mean_m, doubt_m = residual(self.fit, self.scaling(features), physics)
         sigma_m = spread_m(self.shape, physics.sigma_m, doubt_m)
         return physics.deviation_m + mean_m, self.temperature * np.asarray(sigma_m)
 
     def probabilities(self, features: np.ndarray) -> np.ndarray:
-        """p [n, 2] (two, three) of features [n, 3] in the contract's order and units; p_three <= p_two."""
+        """Return p [n, 2] (two, three) of features [n, 3] in the contract's order and units; p_three <= p_two."""
         return self.judge(*self.latent(features))
 
     def judge(self, mean_m: np.ndarray, sigma_m: np.ndarray) -> np.ndarray:
-        """p [n, 2] of a height's mean and spread."""
+        """Return p [n, 2] from a height's mean and spread."""
         cells = np.asarray(cell_probabilities(self.shape, jnp.asarray(mean_m), jnp.asarray(sigma_m)))
         return (1.0 - self.aside) * np.stack([cells[:, 1:4].sum(axis=1), cells[:, 2]], axis=1)
 
 
 def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
-    """Forecast feature rows [n, 3] in the contract's order, with a typical scatter where the belief has none.
+    """Forecast feature rows [n, 3] in the contract's order, with a typical scatter if the belief has none.
 
-    InputError when the rig has no target.
+    InputError if the rig has no target.
     """
     centre_m = opening_of(rig, belief.coefficients, belief.catalogue).centre_m
     shots = Shots.of_settings(**{feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)})
@@ -383,10 +385,10 @@ def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
 
 
 def halves_of(rig: Rig) -> tuple[float, float]:
-    """(two, three) half-heights of rig.toml in m; InputError when it has no target.
+    """Return (two, three) half-heights of rig.toml in m; InputError if it has no target.
 
-    Where every hit counts alike, hits are threes here, so that the robot's limit on p_three holds for them; three is
-    then too large to matter beside two.
+    If every hit counts the same, hits are threes here, so that the robot's limit on p_three applies to them; the
+    three's half-height is then too large to matter.
     """
     opening = opening_of(rig, {})
     return opening.two_half_m, opening.three_half_m or FAR * opening.two_half_m
@@ -396,7 +398,7 @@ _residual_basis = jax.jit(residual_basis)
 
 
 def residual(fit: GateFit, z: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
-    """The learned residual and its own standard deviation a posteriori, [n] in m each; z [n, 3] standardised."""
+    """Return the learned residual and its posterior standard deviation, [n] in m each; z [n, 3] standardised."""
     if not len(z):
         return np.zeros(0), np.zeros(0)
     rows = np.resize(np.arange(len(z)), 1 << max(len(z) - 1, 15).bit_length())

@@ -33,7 +33,7 @@ class Shares:
 
 @dataclass(frozen=True, eq=False)
 class NetworkTraining(Printed):
-    """A trained network; `score`: of shots trained on, watched and held out. `notes`: of shots that were left out."""
+    """A trained network; `score`: on training, validation and hold-out shots. `notes`: on excluded shots."""
 
     trained: Trained
     recipe: Recipe
@@ -43,15 +43,15 @@ class NetworkTraining(Printed):
     simulated: bool
 
     def save(self, directory: str | Path) -> None:
-        """Write the weights directory; InputError where that fails."""
+        """Write the weights directory; InputError if that fails."""
         save_weights(directory, self.trained.network, self.record)
 
     def lines(self) -> list[str]:
-        """Return the shares that are called right, when training stopped, and warnings."""
+        """Return the accuracies, when training stopped, and warnings."""
         return self.report("network")
 
     def report(self, directory: str | Path) -> list[str]:
-        """As `lines`, of weights that were written to a directory."""
+        """Return `lines` for weights that were written to a directory."""
         told = [_sentence("learnt from", self.score["train"])]
         if self.score["validation"]["shots"]:
             told.append(_sentence("watched for when to stop", self.score["validation"]))
@@ -98,7 +98,7 @@ def train_network(real: Dataset, simulated: Dataset | None = None, *, coefficien
 
 
 def rows_of(dataset: Dataset, name: str) -> tuple[Rows, list[str]]:
-    """Return the rows to train on, and a sentence for each kind of shot left out and for outcomes that are all alike.
+    """Return the training rows, and a sentence for each kind of excluded shot and for outcomes that are all equal.
 
     Raises:
         InputError: no row is left.
@@ -111,7 +111,7 @@ def rows_of(dataset: Dataset, name: str) -> tuple[Rows, list[str]]:
 
 def make_record(made: dict[str, Any], recipe: Recipe, job: Job, real: Rows, score: dict[str, Any],
                 trained: Trained) -> dict[str, Any]:
-    """Return what training.json says of a network.
+    """Return the content of training.json for a network.
 
     Args:
         made: holdout, validation, real_sha256, sim_sha256 and coefficients of the data.

@@ -1,12 +1,12 @@
 """Training of the physics-informed gate from shots and a belief, its value on unseen shots, and its polynomial.
 
-In the exported graph a polynomial replaces flights: it gives the gate's mean and spread over its domain. Its terms are
-products of Chebyshev polynomials T_i(u) T_j(v) T_k(w), i + j + k <= degree; u, v and w are the features mapped from the
-domain's box to [-1, 1] and clipped. One set of coefficients gives the mean height minus the target's centre in m,
-another its variance in m2, which is a sum of smooth functions, unlike its logarithm or inverse. The least-squares fit
-on a Chebyshev grid favours points where the probabilities are sensitive (a shot three metres low is a miss regardless
-of the third decimal) and points inside the domain, where novelty is at most 1. Heights far from the target are
-compressed before the fit, and the spread with them: no polynomial can follow the slopes of balls that stall or turn
+In the exported graph a polynomial replaces simulated flights: it gives the gate's mean and spread over its domain. Its
+terms are products of Chebyshev polynomials T_i(u) T_j(v) T_k(w), i + j + k <= degree; u, v and w are the features
+mapped from the domain's box to [-1, 1] and clipped. One set of coefficients gives the mean height minus the target's
+centre in m, another its variance in m2, which is a sum of smooth functions, unlike its logarithm or inverse. The
+least-squares fit on a Chebyshev grid favours points where the probabilities are sensitive (a shot three metres low is a
+miss regardless of the third decimal) and points inside the domain, where novelty is at most 1. Heights far from the
+target, and their spread, are compressed before the fit: no polynomial can follow the slopes of balls that stall or turn
 back. If even the highest degree is too inaccurate, the domain is narrowed; outside it the robot holds.
 """
 
@@ -61,7 +61,8 @@ Domain = dict[str, list[float]]
 
 
 class Errors(NamedTuple):
-    """Of a surrogate against its gate: |mean error| at the 99th percentile near the target, |p error| at worst."""
+    """Errors of a surrogate against its gate: 99th percentile of |mean error| near the target, and largest |p
+    error|."""
 
     mean_m: float
     p: float
@@ -91,14 +92,15 @@ class Surrogate:
         return int(self.orders.sum(axis=1).max())
 
     def latent(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and standard deviation of the height minus the target's centre, [n] in m, of features [n, 3]."""
+        """Return mean and standard deviation of the height minus the target's centre, [n] in m, of features [n, 3]."""
         u = np.clip((np.asarray(features, np.float64) - self.middle) * self.per_half, -1.0, 1.0)
         mean_m, square_m2 = (products(u, self.orders) @ self.coefficients.T).T
         return mean_m, np.sqrt(np.maximum(square_m2, self.least_m2))
 
 
 def make_surrogate(gate: PhysicsGate, domain: Domain) -> tuple[Surrogate, Errors, Domain]:
-    """Return the least surrogate that is exact enough over `domain`, else the best; and the domain where it is good.
+    """Return the smallest surrogate that is accurate enough over `domain`, else the best, and the domain where it is
+    good.
 
     domain: {feature: [low, high]}. It comes back narrowed where no polynomial follows the physics over all of it.
 
@@ -145,7 +147,8 @@ def _narrowed(gate: PhysicsGate, surrogate: Surrogate, box: np.ndarray, checks: 
 
 
 def inside(gate: PhysicsGate, box: np.ndarray, count: int, seed: int) -> np.ndarray:
-    """Those of `count` random configurations of the box, many of them on its faces, that lie inside the domain."""
+    """Return those of `count` random configurations of the box, many of them on its faces, that lie inside the
+    domain."""
     margin = ON_FACES * (box[:, 1] - box[:, 0])
     drawn = np.random.default_rng(seed).uniform(box[:, 0] - margin, box[:, 1] + margin, (count, len(box)))
     held = np.clip(drawn, box[:, 0], box[:, 1])
@@ -153,7 +156,7 @@ def inside(gate: PhysicsGate, box: np.ndarray, count: int, seed: int) -> np.ndar
 
 
 def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int) -> Surrogate:
-    """Least squares on a Chebyshev grid over box [3, 2] (low, high), and on more points inside the domain."""
+    """Fit by least squares on a Chebyshev grid over box [3, 2] (low, high), and on more points inside the domain."""
     half = np.maximum(0.5 * (box[:, 1] - box[:, 0]), 1e-6)
     middle = 0.5 * (box[:, 0] + box[:, 1])
     points = int(np.ceil(OVERSAMPLED * (degree + 1)))
@@ -177,8 +180,10 @@ def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int) -> Surrogate:
 
 
 def drawn_in(mean_m: np.ndarray, sigma_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Heights [n] at most DRAWN_IN_M + BEYOND_M from the target, and spreads [n] in proportion: p hardly
-    change, for such a shot is a miss."""
+    """Return heights [n] limited to DRAWN_IN_M + BEYOND_M from the target, and spreads [n] in proportion.
+
+    p hardly changes, since such a shot is a miss.
+    """
     far_m = np.abs(mean_m)
     held_m = DRAWN_IN_M + BEYOND_M * np.tanh((far_m - DRAWN_IN_M) / BEYOND_M)
     share = np.where(far_m > DRAWN_IN_M, held_m / np.maximum(far_m, DRAWN_IN_M), 1.0)
@@ -186,7 +191,8 @@ def drawn_in(mean_m: np.ndarray, sigma_m: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def steepest(gate: PhysicsGate, mean_m: np.ndarray, sigma_m: np.ndarray) -> np.ndarray:
-    """The largest change [n] of a probability by the height, per m: at the nearest edge of the two or the three."""
+    """Return the largest derivative [n] of a probability by the height, per m: at the nearest edge of the two or the
+    three."""
     edges_m = (gate.shape.two_m, gate.shape.three_m, -gate.shape.two_m, -gate.shape.three_m)
     return np.asarray(np.max([norm.pdf((edge_m - mean_m) / sigma_m) / sigma_m for edge_m in edges_m], axis=0))
 
@@ -201,7 +207,7 @@ def _solve(columns: np.ndarray, weight: np.ndarray, values: np.ndarray) -> np.nd
 
 def compare(gate: PhysicsGate, surrogate: Surrogate, features: np.ndarray,
             wanted: tuple[np.ndarray, np.ndarray] | None = None) -> Errors:
-    """Errors on feature rows [n, 3]; `wanted` is the gate's own latent there, if it is known already."""
+    """Return the errors on feature rows [n, 3]; `wanted` is the gate's own latent there, if already known."""
     mean_m, sigma_m = wanted or gate.latent(features)
     given_m, spread_m = surrogate.latent(features)
     near = np.abs(mean_m) < NEAR_TARGET_M
@@ -210,15 +216,15 @@ def compare(gate: PhysicsGate, surrogate: Surrogate, features: np.ndarray,
 
 
 def products(u: np.ndarray, orders: np.ndarray) -> np.ndarray:
-    """T_i T_j T_k at u [n, 3] in [-1, 1] for orders [M, 3]: [n, M]."""
+    """Return T_i T_j T_k at u [n, 3] in [-1, 1] for orders [M, 3]: [n, M]."""
     single = np.cos(np.arccos(u)[:, :, None] * np.arange(orders.max() + 1))
     return np.asarray(single[:, 0, orders[:, 0]] * single[:, 1, orders[:, 1]] * single[:, 2, orders[:, 2]])
 
 
 def as_cosines(surrogate: Surrogate) -> tuple[np.ndarray, np.ndarray]:
-    """The same polynomials as sums of cosines: frequencies [F, 3] and amplitudes [2, F] of cos(f . arccos u).
+    """Return the polynomials as sums of cosines: frequencies [F, 3] and amplitudes [2, F] of cos(f . arccos u).
 
-    A product of three cosines is a quarter of the sum of four, of turns i a +- j b +- k c; equal ones are put together.
+    A product of three cosines is a quarter of the sum of four, with angles i a +- j b +- k c; equal ones are merged.
     """
     signs = np.array([(1, 1, 1), (1, 1, -1), (1, -1, 1), (1, -1, -1)])
     turns = (surrogate.orders[:, None, :] * signs).reshape(-1, 3)
@@ -250,7 +256,7 @@ SILENT_M = 0.02                       # a residual smaller than this is not wort
 
 
 class OutcomeClasses(NamedTuple):
-    """Shots that say something, one a row.
+    """Informative shots, one per row.
 
     features [n, 3] in the contract's order; cells [n, 5]: 1 where the height may have been, by the outcome and side;
     miss_m [n]: measured height minus the target's centre, nan where not measured (it then overrides the cells);
@@ -314,7 +320,7 @@ class Heldout:
 
 def train_physics_gate(rig: Rig, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
                        progress: Progress = lambda done, note: None) -> tuple[PhysicsGate, Heldout | None]:
-    """Fit the gate of these shots, and rate it out of fold (None when there are too few judged configurations).
+    """Fit the gate to these shots, and rate it out of fold (None with too few judged configurations).
 
     The same arguments give the same gate. InputError when nothing can be learned.
 
@@ -340,7 +346,7 @@ def train_physics_gate(rig: Rig, belief: Belief, shots: Shots, seed: int = 0, na
 
 
 def folds(group: np.ndarray, seed: int) -> np.ndarray | None:
-    """The fold [n] of each row: groups spread evenly in an order drawn by seed; None when there are too few."""
+    """Return the fold [n] of each row: groups spread evenly in an order drawn by seed; None if there are too few."""
     names = np.unique(group)
     if len(names) < MIN_CONFIGURATIONS:
         return None
@@ -370,7 +376,7 @@ def _fit(rig: Rig, belief: Belief, marks: OutcomeClasses, physics: Physics, weig
 
 
 def scaling_of(features: np.ndarray) -> model.Scaling:
-    """Standardisation by these rows [n, 3]; a feature that never varies has deviation 1."""
+    """Return the standardisation by these rows [n, 3]; a feature that never varies has deviation 1."""
     mean, deviation = features.mean(axis=0), features.std(axis=0)
     deviation = np.where(deviation > 1e-9, deviation, 1.0)
     low, high = ((edge - mean) / deviation for edge in (features.min(axis=0), features.max(axis=0)))
@@ -403,7 +409,8 @@ def _alone(gate: PhysicsGate, physics: Physics, marks: OutcomeClasses) -> Figure
 
 
 def tell_residual(gate: PhysicsGate, features: np.ndarray, physics: Physics) -> list[str]:
-    """How far the physics alone is off, and how shots scatter, at near, middle and far recorded shots [n, 3]."""
+    """Report the error of the physics alone, and the scatter of shots, at near, middle and far recorded shots [n,
+    3]."""
     learned_m, _ = model.residual(gate.fit, gate.scaling(features), physics)
     _, sigma_m = gate.correct(features, physics)
     order = np.array_split(np.argsort(features[:, 0], kind="stable"), 3)
@@ -443,7 +450,8 @@ def _beside_commonest(heldout: Heldout, target: Target | None) -> list[str]:
 
 
 def tell_too_few(group: np.ndarray, level: np.ndarray, target: Target | None) -> str:
-    """Say that configurations [n] are too few to hold any out, and what needs no gate. level [n]: -1 is not judged."""
+    """Report that there are too few configurations [n] to hold any out, and what needs no gate. level [n]: -1 is not
+    judged."""
     shares, commonest = _commonest(level[level >= 0], target)
     return (f"warning: {len(np.unique(group[level >= 0]))} configurations with an outcome are too few to say whether "
             f"the gate is better than always naming the commonest, {commonest}, which is right for {shares.max():.1%} "

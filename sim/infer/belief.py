@@ -64,16 +64,16 @@ Coefficients = dict[str, dict[str, float]]
 
 
 def coefficients_in(table: dict[str, Any], path: str | Path, among: Catalogue | None = None) -> Coefficients:
-    """{term: {parameter: value}} of a loaded file; InputError names an unknown term or parameter, or a value that is
-    not finite.
+    """Return {term: {parameter: value}} of a loaded file; InputError names an unknown term or parameter, or a value
+    that is not finite.
 
-    among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given.
+    among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() by default.
     """
     return {name: _values(path, name, values, among) for name, values in table.items() if name not in APART}
 
 
 def load_table(path: str | Path) -> dict[str, Any]:
-    """All that the file says; InputError when it is not a coefficients file."""
+    """Load all tables of the file; InputError if it is not a coefficients file."""
     table = parse_table(load_text(path), str(path))
     if table.get("schema") != SCHEMA:
         raise InputError(f"{path}: schema is {table.get('schema')!r}, not {SCHEMA!r}")
@@ -103,7 +103,7 @@ Curves = Mapping[str, "Curve"]        # by the term of truearc.sim.physics.catal
 
 
 class Curve(Struct, frozen=True, forbid_unknown_fields=True):
-    """As above; `value` goes with `at`, or with `levels`."""
+    """A curve as described above; `value` belongs to `at` or to `levels`."""
 
     value: tuple[float, ...]
     otherwise: float
@@ -115,30 +115,30 @@ class Curve(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def points(self) -> Float[np.ndarray, " points"]:
-        """The numbers [K + 1] that it is linear in: `value`, then `otherwise`."""
+        """The numbers [K + 1] in which it is linear: `value`, then `otherwise`."""
         return np.array([*self.value, self.otherwise])
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Names of the points: their numbers."""
+        """Names of the points, as numbers."""
         return tuple(map(str, range(len(self.value) + 1)))
 
     @property
     def fitted(self) -> tuple[str, ...]:
-        """Keys of the points that recordings tell; the mean of what was recorded follows from them."""
+        """Keys of the points that recordings determine; the mean of the recorded shots follows from them."""
         return self.keys[:-1] or self.keys
 
     def point(self, key: str) -> float:
-        """KeyError for a key that there is none of."""
+        """Return a point; KeyError for an unknown key."""
         return float(dict(zip(self.keys, self.points, strict=True))[key])
 
     def moved(self, points: Mapping[str, float]) -> "Curve":
-        """With these points at other values."""
+        """Return the curve with these points at other values."""
         now = [points.get(key, value) for key, value in zip(self.keys, self.points, strict=True)]
         return msgspec.structs.replace(self, value=tuple(map(float, now[:-1])), otherwise=float(now[-1]))
 
     def by(self, columns: Columns, n: int) -> Float[np.ndarray, "n points"]:
-        """Derivatives [n, K + 1] by the points of its size at shots that have these columns."""
+        """Return derivatives [n, K + 1] of its size by the points, at shots with these columns."""
         by = np.zeros((n, len(self.keys)))
         column = columns.get(self.covariate) if self.covariate else None
         if column is not None and self.levels:
@@ -154,14 +154,15 @@ class Curve(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def natural(knots: Float[np.ndarray, " K"], x: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n K"]:
-    """[n, K] from values at the knots to those of their natural cubic spline at x, straight beyond the outer knots."""
+    """Return [n, K], from values at the knots to those of their natural cubic spline at x, straight beyond the outer
+    knots."""
     spline = CubicSpline(knots, np.eye(len(knots)), bc_type="natural")
     inside = np.clip(x, knots[0], knots[-1])
     return np.asarray(spline(inside) + (x - inside)[:, None] * spline(inside, 1))
 
 
 def along(curves: Curves, circumstances: Circumstances, columns: Columns, n: int) -> Circumstances:
-    """The circumstances of n shots with these columns, the curves' sizes among them."""
+    """Return the circumstances of n shots with these columns, including the curves' sizes."""
     if not curves:
         return circumstances
     by = np.concatenate([curve.by(columns, n) for curve in curves.values()], axis=1)
@@ -170,27 +171,27 @@ def along(curves: Curves, circumstances: Circumstances, columns: Columns, n: int
 
 
 def owners(curves: Curves) -> tuple[str, ...]:
-    """Whose each of all points is, in the order of `Circumstances.curve_by`."""
+    """Return the owner of each of all points, in the order of `Circumstances.curve_by`."""
     return tuple(term for term, curve in curves.items() for _ in curve.keys)
 
 
 def resized(circumstances: Circumstances, whose: Sequence[str], points: Any) -> Circumstances:
-    """With the curves' points at these values [K], or [n, K] of each shot; `whose`: the owners. Differentiable."""
+    """Return circumstances with the curves' points at these values [K], or [n, K] for each shot; `whose`: the owners.
+    Differentiable."""
     shares = circumstances.curve_by * points
     mine = {term: np.array([owner == term for owner in whose]) for term in whose}
     return circumstances._replace(**{term: shares[..., here].sum(-1) for term, here in mine.items()})
 
 
 def before_the_shot(curves: Curves, rig: Rig, shots: Shots) -> Circumstances:
-    """Ordinary circumstances of configurations: only the columns of the launch and the distance say how large they are.
-    """
+    """Return ordinary circumstances of configurations: curve sizes depend only on launch and distance columns."""
     if not curves:
         return ORDINARY
     return along(curves, ORDINARY, {**shots.numbers, **launch_state(rig, shots)}, len(shots))
 
 
 def read_curves(path: str | Path, tables: Any) -> dict[str, Curve]:
-    """From the file's [curve.TERM] tables; InputError names file and key."""
+    """Read the file's [curve.TERM] tables; InputError names file and key."""
     if not isinstance(tables, dict):
         raise InputError(f"{path}: curve: not one table a term, such as [curve.free_speed]")
     return {str(term): _read_curve(f"{path}: curve.{term}", table) for term, table in tables.items()}
@@ -211,7 +212,7 @@ def _read_curve(place: str, table: Any) -> Curve:
 
 
 def write_curve(curve: Curve) -> dict[str, Any]:
-    """The table that reads back as this curve."""
+    """Return the table that reads back as this curve."""
     usual = Curve((), 0.0)
     said = {key: value for key, value in msgspec.structs.asdict(curve).items()
             if key in ("value", "otherwise") or value != getattr(usual, key)}
@@ -326,13 +327,13 @@ class Belief(Printed):
 
 def point_belief(coefficients: Mapping[str, Mapping[str, float]], scatter: Mapping[str, float] | None = None,
                  among: Catalogue | None = None) -> Belief:
-    """A belief that is certain, such as the grid's pair is."""
+    """Return a belief without uncertainty, such as the grid's pair."""
     return Belief({name: dict(values) for name, values in coefficients.items()}, dict(scatter or {}), (),
                   np.zeros((0, 0)), catalogue=terms.as_catalogue(among))
 
 
 def scale_of(name: str, among: Catalogue | None = None) -> str:
-    """The scale of a parameter by its name; a parameter that is known, not fitted, has the linear one."""
+    """Return the scale of a parameter by name; a parameter that is known, not fitted, has the linear one."""
     if name.startswith(SCATTER + "."):
         return LOG
     prior = terms.find_parameter(name, among).prior
@@ -340,7 +341,7 @@ def scale_of(name: str, among: Catalogue | None = None) -> str:
 
 
 def replace_values(belief: Belief, numbers: Float[np.ndarray, " p"]) -> Belief:
-    """A point belief whose named parameters have these values, given on their scales [p]."""
+    """Return a point belief whose named parameters have these values, given on their scales [p]."""
     coefficients = {name: dict(values) for name, values in belief.coefficients.items()}
     scatter, points = dict(belief.scatter), dict[str, float]()
     for name, number in zip(belief.names, numbers, strict=True):
@@ -351,13 +352,13 @@ def replace_values(belief: Belief, numbers: Float[np.ndarray, " p"]) -> Belief:
 
 
 def moved_curves(curves: Mapping[str, Curve], points: Mapping[str, float]) -> dict[str, Curve]:
-    """With these points {"free_speed.0": value} at other values."""
+    """Return the curves with these points {"free_speed.0": value} at other values."""
     return {term: curve.moved({key.removeprefix(term + "."): value for key, value in points.items()
                                if key.startswith(term + ".")}) for term, curve in curves.items()}
 
 
 def draw(belief: Belief, n: int, rng: np.random.Generator) -> list[Belief]:
-    """`n` point beliefs, normal on the parameters' scales with the belief's covariance; without one, n times itself."""
+    """Draw `n` point beliefs, normal on the parameters' scales with the belief's covariance; without one, n copies."""
     if not belief.names:
         return [replace(point_belief(belief.coefficients, belief.scatter, belief.catalogue), curves=belief.curves)] * n
     drawn = rng.multivariate_normal(belief.values(), belief.covariance, size=n, method="eigh")
@@ -365,14 +366,14 @@ def draw(belief: Belief, n: int, rng: np.random.Generator) -> list[Belief]:
 
 
 def as_table(belief: Belief) -> dict[str, Any]:
-    """Plain values, as JSON has them, that `from_table` makes the same belief of."""
+    """Return plain values, as in JSON, from which `from_table` makes the same belief."""
     return {"coefficients": belief.coefficients, "scatter": belief.scatter, "names": list(belief.names),
             "covariance": np.asarray(belief.covariance, float).tolist(),
             CURVE: {term: write_curve(curve) for term, curve in belief.curves.items()}}
 
 
 def from_table(table: Mapping[str, Any], name: str) -> Belief:
-    """The inverse of `as_table`; `name` is for messages. KeyError, ValueError, InputError: not such a table."""
+    """Invert `as_table`; `name` is for messages. KeyError, ValueError, InputError: not such a table."""
     names = tuple(map(str, table["names"]))
     return Belief(table["coefficients"], table["scatter"], names,
                   np.array(table["covariance"], float).reshape(len(names), len(names)),

@@ -1,4 +1,4 @@
-"""The fit of a simulation: its MAP estimate and, at that estimate, the scores of everything that it may lack.
+"""The fit of a simulation: its MAP estimate and, at that estimate, the scores of everything the simulation may lack.
 
 A fit owns its model (the simulation and the data to compare it with), its linearization point and the scores there. It
 is independent of launchers: truearc.sim.infer.model declares everything that it needs.
@@ -64,7 +64,7 @@ class Fit(Generic[AnyModel]):
 
     @property
     def wanted(self) -> Float[Array, " k"]:
-        """`value`, or where the fit would go from there if the end of a range did not stop it."""
+        """`value`, or where the fit would go if the end of a range did not stop it."""
         scores, k = self.scores, len(self.names)
         step = scores.covariance @ (scores.score.sum(0) + scores.pull)
         return np.asarray(self.value + step[:k])
@@ -76,14 +76,14 @@ class Fit(Generic[AnyModel]):
 
     @property
     def log_posterior(self) -> float:
-        """Up to a constant; of shared columns only."""
+        """Log posterior of shared columns only, up to a constant."""
         return objective(self.scores, self.model.layout)
 
     @cached_property
     def settled(self) -> bool:
-        """Whether no step gains anything that matters: neither by slopes nor, a part of it, once it is flown.
+        """Whether no step gains anything significant: neither by slopes nor, for a part of it, when flown.
 
-        Of tracks that no flight fits slopes promise more than is there: they leave out how they change themselves.
+        For tracks that no flight fits, slopes promise too much, since they ignore their own change.
         """
         bare = self.without_terms()
         step, worth = bare.step(np.full(len(bare.scores.columns), True))
@@ -95,18 +95,18 @@ class Fit(Generic[AnyModel]):
 
     @property
     def values(self) -> dict[str, float]:
-        """{shared column: value}, without random effects; scatters themselves, not their logs."""
+        """Return {shared column: value}, without random effects; scatters themselves, not their logs."""
         first, scores = self.scores.first_shared, self.scores
         return {column.name: float(np.exp(value) if column.name.startswith("scatter.") else value)
                 for column, value in zip(scores.columns[first:], scores.point[first:], strict=True)
                 if column.kind != "group"}
 
     def held_out(self) -> Float[Array, " n"]:
-        """Log score of each shot by fits of the shared columns to the other folds."""
+        """Return the log score of each shot by fits of the shared columns to the other folds."""
         return self.scores.shared_only().held_out()
 
     def without_terms(self) -> "Fit[AnyModel]":
-        """The fit of the shared columns alone: nothing else is asked."""
+        """Return the fit of the shared columns alone, without tested ones."""
         return Fit(self.model.shared_only(), self.point, self.scores.shared_only())
 
     def with_terms(self, names: tuple[str, ...], start: Float[Array, " k"], near: Any = None) -> "Fit[AnyModel]":
@@ -122,7 +122,7 @@ class Fit(Generic[AnyModel]):
         return found
 
     def with_columns(self, names: tuple[str, ...], start: Float[Array, " k"], near: Any) -> "Fit[AnyModel]":
-        """As `with_terms`, with shapes where they are."""
+        """Fit as `with_terms` does, with shapes kept at their values."""
         model, layout = self.model.shared_only(names), self.model.layout
         k, columns = len(names), model.layout.columns
         order = tuple(column.name for column in columns[:k])
@@ -168,7 +168,8 @@ class Fit(Generic[AnyModel]):
                        log_evidence=float(value - 0.5 * np.log(bend)))
 
     def nats_for(self, more: "Fit[AnyModel]") -> float:
-        """Nats by which the data favour a fit of more shared columns, at its optimum, over this one's (Laplace)."""
+        """Return nats by which the data favour a fit of more shared columns, at its optimum, over this one's
+        (Laplace)."""
         own, theirs = self.model.layout, more.model.layout
         null = self.scores.shared_only()
         info, null_info = more.scores.information + more.scores.precision, null.information + null.precision
@@ -178,20 +179,23 @@ class Fit(Generic[AnyModel]):
         return nats if np.isfinite(nats) else NO_FLIGHT
 
     def beside(self, found: "Fit[AnyModel]") -> "Fit[AnyModel]":
-        """This fit with the terms that `found` has added to it among the shared columns; all else is asked again."""
+        """Return this fit with the terms that `found` has added among the shared columns; all others are tested
+        again."""
         model = self.model.sharing(found.names)
         return Fit(model, found.point, model.linearise(found.point)[0])
 
     def step(self, free: Bool[Array, " P"]) -> tuple[Float[Array, " P"], float]:
-        """(Fisher scoring step of shared columns alone, nats that it promises); columns that are not `free` stay.
+        """Return (Fisher scoring step of shared columns alone, its predicted gain in nats); columns that are not `free`
+        stay.
 
-        What is at a limit and would go beyond it stays, so that the others go where it is best for it there.
+        Columns at a limit that would go beyond it stay, so that the others go to the best place given that.
         """
         return _step_within(self.model, self.point, self.scores, free)
 
 
 def fit_believed(model: AnyModel, progress: Progress = lambda done, note: None) -> Fit[AnyModel]:
-    """Fit the shared columns by Newton's method with halved steps, relinearised at every step; the others are asked."""
+    """Fit the shared columns by Newton's method with halved steps, relinearised at every step; the others are
+    tested."""
     bare, starts = model.shared_only(), model.starts()
     tops: list[Fit[AnyModel]] = []
     for k, start in enumerate(starts):
@@ -206,7 +210,7 @@ def fit_believed(model: AnyModel, progress: Progress = lambda done, note: None) 
 
 def climb_from(model: AnyModel, point: Any, easier: Iterable[AnyModel],
                progress: Progress = lambda done, note: None) -> Fit[AnyModel]:
-    """The top that a climb from the point comes to, after climbs over `easier` ground."""
+    """Return the optimum that a climb from the point reaches, after climbs over `easier` models."""
     for ground in easier:
         point = climb(ground, point, part_of(progress, 0.0, 0.5)).point
     return climb(model, point, part_of(progress, 0.5, 0.5))
@@ -214,10 +218,10 @@ def climb_from(model: AnyModel, point: Any, easier: Iterable[AnyModel],
 
 def climb(model: AnyModel, point: Any, progress: Progress = lambda done, note: None,
           held: Bool[Array, " P"] | None = None) -> Fit[AnyModel]:
-    """Uphill in all columns of the model, which must all be shared ones, until a step is far below their deviations.
+    """Climb in all columns of the model, which must all be shared, until a step is far below their deviations.
 
-    Between flights all is taken as linear; it is flown again at each top so found, until the top stays. Columns that
-    are `held` stay where they are.
+    Between flights everything is taken as linear; each optimum found is flown again, until it stays. Columns that are
+    `held` stay where they are.
     """
     free = np.full(len(model.layout.columns), True) if held is None else ~held
     highest, idle, reach, gain = -np.inf, 0, np.inf, 0.0
@@ -285,7 +289,8 @@ def _climb_linear(start: _Visited[AnyModel], free: Bool[Array, " P"], reach: flo
 
 def newton_step(scores: ScoreTable,
                 free: Bool[Array, " P"] | slice = slice(None)) -> tuple[Float[Array, " P"], float]:
-    """(Fisher scoring step of scores of shared columns only, nats that it promises); what is not `free` stays."""
+    """Return (Fisher scoring step for scores of shared columns only, its predicted gain in nats); columns that are not
+    `free` stay."""
     info, slope = scores.information + scores.precision, scores.score.sum(0) + scores.pull
     info, slope, step = info[free][:, free], slope[free], np.zeros(len(slope))
     step[free] = np.linalg.solve(info + 1e-12 * np.diag(np.diag(info) + 1e-12), slope)
@@ -304,7 +309,7 @@ def _step_within(model: Model, point: Any, scores: ScoreTable,
 
 
 def objective(scores: ScoreTable, layout: Columns) -> float:
-    """Log posterior, up to a constant."""
+    """Return the log posterior, up to a constant."""
     off = scores.point[len(scores.point) - len(layout.centre):] - layout.centre
     value = float(scores.log_score.sum() - 0.5 * off @ layout.precision @ off)
     return value if np.isfinite(value) else -np.inf

@@ -1,54 +1,26 @@
 """The text report of a fit: its numbers, which of them are aliased, and how well it predicts outcomes."""
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.intervals import KNOWN, ProfileInterval
-from truearc.sim.infer.launcher import MapFit, Sought
+from truearc.sim.infer.intervals import KNOWN, NumberChange, ProfileInterval, tracker_errors
+from truearc.sim.infer.launcher import MapFit, Sought, odd_places
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
 from truearc.sim.infer.likelihood.noise import UNMEASURED_M
 from truearc.sim.infer.likelihood.observations import class_chances
 from truearc.sim.infer.likelihood.score_table import FOLDS, fit_linear
+from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.printed import Progress, left_out_lines
+from truearc.sim.statistics import Z90
 
 # Chosen: only a fifth of either's variance is left by the other
 CORRELATED = 0.9                      # pairs from here on are named
-
-
-@dataclass(frozen=True)
-class AliasedPair:
-    """Two parameters that this dataset keeps together: it fixes `a` + factor * `b`, to `known_to`, in a's unit."""
-
-    a: str
-    b: str
-    correlation: float
-    factor: float
-    known_to: float
-
-
-def aliased_pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
-    """Pairs with a correlation of at least CORRELATED, strongest first, each with the combination that is fixed."""
-    names, covariance = fit.names, fit.covariance * np.outer(slopes(fit), slopes(fit))
-    sd = np.sqrt(np.diag(covariance))
-    pairs = []
-    for a in range(len(names)):
-        for b in range(a + 1, len(names)):
-            correlation = covariance[a, b] / (sd[a] * sd[b])
-            if abs(correlation) >= CORRELATED:
-                factor = -covariance[a, b] / covariance[b, b]
-                left = covariance[a, a] - covariance[a, b]**2 / covariance[b, b]
-                known_to = float(np.sqrt(max(left, 0.0)))
-                pairs.append(AliasedPair(names[a], names[b], float(correlation), float(factor), known_to))
-    return tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation)))
-
-
-def slopes(fit: MapFit) -> Float[np.ndarray, " p"]:
-    """d value / d (prior standard deviation) [p] at the optimum: from units of the prior to the parameter's own."""
-    return np.array([one.sd * one.slope(float(fit.scores.point[one.column])) for one in fit.sought])
 
 
 # Chosen: below what sensors tell apart
@@ -59,8 +31,9 @@ SMOOTH = 1.0                          # shots of each outcome added to the share
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Means over shots with an outcome: log score (natural logarithm of the probability given to what happened) and
-    accuracy, by the fit and by the plain shares of outcomes; gain_se is of their paired difference, by groups."""
+    """Means over shots with an outcome: log score (natural logarithm of the probability given to the outcome) and
+    accuracy, of the fit and of the observed proportions of outcomes; gain_se is of their paired difference, by
+    groups."""
 
     shots: int
     groups: int
@@ -72,10 +45,10 @@ class CrossValidation:
 
 
 def cross_validate(fit: MapFit, progress: Progress = lambda done, note: None) -> CrossValidation | None:
-    """Five folds of whole groups; None where fewer than two groups have an outcome.
+    """Cross-validate with five folds of whole groups; None if fewer than two groups have an outcome.
 
-    A group is a session where there are at least five, else a configuration. Predictions are from the configuration
-    alone: neither the exit nor the track of a predicted shot is used.
+    Groups are sessions if there are at least five, else configurations. Predictions use the configuration alone:
+    neither the exit nor the track of a predicted shot is used.
     """
     plane = fit.scores.plane
     if plane is None or fit.dataset.facts.target is None:
@@ -131,12 +104,13 @@ NEAREST = 15                          # shots whose median stands for "at this d
 
 
 def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossValidation | None) -> list[str]:
-    """The report, line by line; of a fit that did not converge only what was used."""
+    """Return the report, line by line; for a fit that did not converge, only what was used."""
     lines = list(say_evidence(fit))
     if not fit.converged:
         return lines
+    odd = odd_places(fit.scores, fit.catalogue)
     for title, part in (("what these shots can tell", say_identified(fit)),
-                        ("estimates", say_estimates(intervals, fit.sought)), ("", say_scatter(fit)),
+                        ("estimates", say_estimates(intervals, fit.sought, odd)), ("", say_scatter(fit)),
                         ("", say_prediction(holdout))):
         told = list(part)
         lines += [*(["", f"{title}:"] if title and told else []), *told]
@@ -144,7 +118,7 @@ def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossV
 
 
 def say_evidence(fit: MapFit) -> Iterable[str]:
-    """Evidence that was used, and shots that were left out."""
+    """Report the evidence used, and excluded shots."""
     intake = fit.fitted.model.data
     used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in intake.used.items())
     yield f"fitted to {len(intake.rows)} of {len(fit.dataset.shots)} shots: {used}"
@@ -162,8 +136,24 @@ def say_evidence(fit: MapFit) -> Iterable[str]:
                "shots; truearc discover looks for one that does")
 
 
-def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]) -> Iterable[str]:
-    """A line for each parameter: value, 90 % interval, unit, meaning, and what stopped the interval beside the data."""
+def say_tracker_errors(errors: Iterable[Sequence[NumberChange]], among: Catalogue) -> list[str]:
+    """A sentence on each set of errors of the tracker that is known, with 90 % intervals, without a full stop."""
+    return [f"the tracker is off: {', or '.join(_error_text(one, among) for one in found)}"
+            + (", or a part of each: measure one" if len(found) > 1 else "; measure it") for found in errors]
+
+
+def _error_text(one: NumberChange, among: Catalogue) -> str:
+    phrase = among.find([one.name.partition(".")[0]])[0].phrase
+    size, half = abs(one.change) * phrase.factor, Z90 * one.sd * phrase.factor
+    places = max(-math.floor(math.log10(half)), 0)
+    return (phrase.less if one.change < 0.0 else phrase.more).format(
+        f"{size:.{places}f} (± {half:.{places}f}){phrase.unit}")
+
+
+def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought],
+                  odd: Mapping[str, str]) -> Iterable[str]:
+    """Return a line per parameter: value, 90 % interval, unit, meaning, and what besides the data bounded the interval;
+    then the remarks on numbers at odd places."""
     yield "parameter                  value    90 % interval         meaning"
     fitted = {one.name: one for one in sought}
     for one in intervals:
@@ -175,18 +165,15 @@ def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]
     if "drag.cd" in fitted:
         yield ("the ball's mass and radius and the air's density are taken as stated: 1 % of mass or density is 1 % of "
                "drag.cd, 1 % of radius 2 %")
+    yield from (f"warning: {remark}" for remark in odd.values())
     for one in intervals:
-        if one.name == "magnus.cl" and one.high90 < 0.0:
-            yield ("warning: magnus.cl is below 0, so backspin presses the ball down: make sure of each wheel's "
-                   "clock_deg in rig.toml (0 touches from above, 180 from below), or of the sign of exit_spin_rev_s "
-                   "(backspin is positive); only smooth balls do so")
-        if fitted[one.name].improbable(one.value):
+        if one.name not in odd and fitted[one.name].improbable(one.value):
             yield (f"warning: {one.name} {number_text(one.value)} was believed all but impossible before: it may stand "
                    "for an effect that these terms lack; truearc discover says whether these shots show one")
 
 
 def number_text(value: float) -> str:
-    """Three digits."""
+    """Format a number with three digits."""
     return f"{value:.3g}" if abs(value) < 1000.0 else f"{value:.0f}"
 
 
@@ -198,7 +185,7 @@ def _open_ends(one: ProfileInterval) -> str:
 
 
 def say_scatter(fit: MapFit) -> Iterable[str]:
-    """Scatter of the height at the target."""
+    """Report the scatter of the height at the target."""
     shots = fit.dataset.shots.take(fit.scores.rows)
     shots = shots.take(np.isfinite(shots.number("distance_m")) & fit.fitted.model.data.lanes.rolled)
     if not len(shots):
@@ -213,22 +200,31 @@ def say_scatter(fit: MapFit) -> Iterable[str]:
 
 
 def say_identified(fit: MapFit) -> Iterable[str]:
-    """What these shots cannot tell apart, or on their own not at all."""
-    pairs, share = aliased_pairs(fit), dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
-    silent = [name for name in fit.names if share[name] > KNOWN]
-    for pair in pairs:
-        sign = "+" if pair.factor >= 0.0 else "-"
-        yield (f"{pair.a} and {pair.b} are hard to tell apart: correlation {pair.correlation:.2f}; this dataset fixes "
-               f"{pair.a} {sign} {number_text(abs(pair.factor))} {pair.b}, to {number_text(pair.known_to)}")
+    """Report what these shots cannot separate, or cannot determine alone."""
+    names, share = fit.names, dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
+    own = np.array([one.sd * one.slope(float(fit.scores.point[one.column])) for one in fit.sought])     # units
+    covariance = fit.covariance * np.outer(own, own)
+    alike = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    pairs = [pair for pair in combinations(range(len(names)), 2) if abs(alike[pair]) >= CORRELATED]
+    silent = [name for name in names if share[name] > KNOWN]
+    for a, b in sorted(pairs, key=lambda pair: -abs(alike[pair])):
+        factor = -covariance[a, b] / covariance[b, b]
+        known_to = np.sqrt(max(covariance[a, a] + factor * covariance[a, b], 0.0))
+        both = f"{names[a]} {'+' if factor >= 0.0 else '-'} {number_text(abs(factor))} {names[b]}"
+        at = fit.values[names[a]] + factor * fit.values[names[b]]
+        yield (f"{names[a]} and {names[b]} are hard to tell apart: correlation {alike[a, b]:.2f}; this dataset fixes "
+               f"{both} at {number_text(at)}, to {number_text(known_to)}")
     for name in silent:
         yield (f"{name}: these shots say hardly more than was believed before ({share[name]:.0%} of the prior's "
                "standard deviation is left)")
+    for line in say_tracker_errors(tracker_errors(fit.scores, fit.catalogue), fit.catalogue):
+        yield f"warning: {line}; or an effect that these terms lack looks like that"
     if not pairs and not silent:
         yield "every parameter is fixed by these shots on its own"
 
 
 def say_prediction(score: CrossValidation | None) -> Iterable[str]:
-    """How well outcomes are predicted that the fit did not see."""
+    """Report how well hold-out outcomes are predicted."""
     if score is None:
         return
     gain = score.log_score - score.share_log_score

@@ -26,9 +26,9 @@ Number = tuple[str, str, str]         # term, parameter, scale
 
 
 class Height(NamedTuple):
-    """At the plane, through the floor if need be.
+    """Height at the plane, through the floor if necessary.
 
-    `near` False: the ball turns back, and the rest has no meaning. by_launch: derivatives of the height by a shot's own
+    `near` False: the ball turns back, and the rest is meaningless. by_launch: derivatives of the height by a shot's own
     log speed, elevation (rad) and spin (rev/s); by_distance: by the plane's distance.
     """
 
@@ -40,7 +40,7 @@ class Height(NamedTuple):
 
 def height_at(rig: Rig, values: Values, given: Given, among: Catalogue, log_speed: Float[Any, " n"] | float = 0.0,
               elevation_rad: Float[Any, " n"] | float = 0.0) -> Height:
-    """Heights of launches that leave with these deviations, with their derivatives.
+    """Return heights of launches with these deviations, with their derivatives.
 
     values: {term: {parameter: value}}; gravity is always at work. A deviation acts on the ball as it leaves, after the
     launch terms. The derivatives by it are central differences of flights side by side, within 1e-5 of their size:
@@ -58,14 +58,14 @@ def height_at(rig: Rig, values: Values, given: Given, among: Catalogue, log_spee
 
 def configured(rig: Rig, values: Values, given: Given,
                among: Catalogue) -> tuple[dict[str, dict[str, Any]], Exit, Float[Any, " n"]]:
-    """(effective values, launch, distance in m) of shots as they are in truth, by sensing and launch terms."""
+    """Return (effective values, launch, distance in m) of the true shots, by sensing and launch terms."""
     at = effective(values, given.circumstances, among)
     exit, distance_m = sense(rig, at, Exit(*map(jnp.asarray, given.rolling)), given.distance_m, given.whose, among)
     return at, leave(rig, at, exit, given.whose, among), distance_m
 
 
 def speed_gain(rig: Rig, values: Values, given: Given, among: Catalogue) -> Float[Any, " n"]:
-    """d log(exit speed) / d log(speed by the wheels) [n]: 1 where no launch term depends on the speed."""
+    """Return d log(exit speed) / d log(wheel-based speed) [n]: 1 if no launch term depends on the speed."""
     def log_speed(change: Float[Any, ""] | float) -> Float[Any, " n"]:
         faster = given.rolling._replace(speed_m_s=given.rolling.speed_m_s * jnp.exp(change))
         return jnp.log(configured(rig, values, given._replace(rolling=faster), among)[1].speed_m_s)
@@ -84,7 +84,8 @@ class Slopes(NamedTuple):
 @partial(jax.jit, static_argnames=("rig", "numbers", "among"))
 def slopes_at(rig: Rig, fixed: Values, numbers: tuple[Number, ...], at: Float[Any, " p"], given: Given,
               among: Catalogue) -> Slopes:
-    """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` has the values of the rest.
+    """Return heights and exact derivatives; `numbers` names the entries of `at` [p], `fixed` has the values of the
+    rest.
 
     A point of the given circumstances' curves is called by its term and its place among all their points.
     """
@@ -97,7 +98,7 @@ def slopes_at(rig: Rig, fixed: Values, numbers: tuple[Number, ...], at: Float[An
 
 
 def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Float[Any, " p"]) -> dict[str, dict[str, Any]]:
-    """`fixed` with the numbers' values in it."""
+    """Return `fixed` with the numbers' values in it."""
     values = {name: dict(part) for name, part in fixed.items()}
     for index, (term, parameter, scale) in enumerate(numbers):
         if term != CURVE:
@@ -106,7 +107,7 @@ def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Float[Any, " p"
 
 
 def along_curve(given: Given, numbers: tuple[Number, ...], at: Float[Any, " p"]) -> Given:
-    """The same, with derivatives by those of the numbers that are points of its curves."""
+    """Return the same with derivatives by those numbers that are points of its curves."""
     around = given.circumstances
     for index, (table, point, _) in enumerate(numbers):
         if table == CURVE:
@@ -117,7 +118,7 @@ def along_curve(given: Given, numbers: tuple[Number, ...], at: Float[Any, " p"])
 
 
 def sensor_variance(height: Height, gain: Float[Any, " n"], given: Given) -> Float[Any, " n"]:
-    """Variance of the height [n] in m2 that the instruments' noise makes: wheels, elevation, distance."""
+    """Return the variance of the height [n] in m2 from the instruments' noise: wheels, elevation, distance."""
     by_speed, by_elevation, by_spin = (height.by_launch[:, column] for column in range(3))
     wheels = (by_speed * gain)[:, None] * given.wheel_log_speed + by_spin[:, None] * given.wheel_spin_rev_s
     return ((wheels**2).sum(1) + (by_elevation * given.elevation_sd_rad)**2

@@ -26,7 +26,7 @@ class Columns(Protocol):
 
 @runtime_checkable
 class Shape(Protocol):
-    """A number of a term that is fitted beside the term's amplitude, but is no column."""
+    """A number of a term that is fitted besides the term's amplitude, but is not a column."""
 
     def put(self, point: Any, place: float) -> Any:
         """Return the point with the number `place` standard deviations from its prior's centre, within its range."""
@@ -38,20 +38,20 @@ class Model(Protocol):
 
     @property
     def layout(self) -> Columns:
-        """What is fitted and asked."""
+        """The columns that are fitted and tested."""
     @property
     def sampled(self) -> bool:
-        """Whether shots are series of samples, whose own unknowns must settle while the fit climbs."""
+        """Whether shots are series of samples, whose own unknowns must settle during the fit."""
     @property
     def has_one_top(self) -> bool:
-        """Whether the likelihood has a single top, beside those where a fit is lost."""
+        """Whether the likelihood has a single optimum, apart from those where a fit is lost."""
 
     def fly(self, point: Any) -> Any:
-        """Return the prediction at a point and its slopes, from which `linearise` starts for points near by."""
+        """Return the prediction at a point and its slopes, from which `linearise` starts for nearby points."""
     def linearise(self, point: Any, flown: Any = None) -> tuple[ScoreTable, Any]:
-        """Return the scores at a point, and the point with each shot's own unknowns where they are likeliest."""
+        """Return the scores at a point, and the point with each shot's own unknowns at their most likely values."""
     def forecast(self, point: Any) -> ScoreTable:
-        """Return the scores had nothing been measured of a shot but its result: by its settings alone."""
+        """Return the scores as if only a shot's result had been measured: from its settings alone."""
     def about(self, point: Any) -> Any:
         """Return a point that has been moved with the shots' own unknowns put right where slopes depend on them."""
     def moved(self, point: Any, change: Change) -> Any:
@@ -59,19 +59,19 @@ class Model(Protocol):
     def leads_out(self, point: Any, step: Change) -> Which:
         """Return the columns [P] at a limit that the step [P] would lead beyond."""
     def is_lost(self, point: Any) -> bool:
-        """Return whether a fit that came to rest there explains nothing: its slopes tell little."""
+        """Return whether a fit that stopped there explains nothing: its slopes carry little information."""
     def starts(self) -> Sequence[Any]:
         """Return the points to climb from, the likeliest first."""
     def easier(self) -> Iterable[Self]:
-        """Return models of easier ground that are climbed first, one after the other."""
+        """Return easier models to climb first, one after another."""
     def afar(self, change: Change) -> tuple[Any, Iterable[Self]]:
-        """Return the start of a climb where the fit was lost, `change` put in or not, and what is climbed first."""
+        """Return the start of a climb after a lost fit, with or without `change`, and the models to climb first."""
     def shapes(self, names: tuple[str, ...]) -> Sequence[Shape]:
         """Return the shapes of the terms of these columns."""
     def shared_only(self, names: Iterable[str] = ()) -> Self:
         """Return the model of the shared columns alone, the named ones among them, first."""
     def sharing(self, names: tuple[str, ...]) -> Self:
-        """Return the model with these columns among the shared ones, all others asked as before."""
+        """Return the model with these columns among the shared ones, all others tested as before."""
 
 
 AnyModel = TypeVar("AnyModel", bound=Model)

@@ -105,7 +105,7 @@ def fit_grid(rig: Rig, shots: Shots, step: float = STEP, progress: Progress = la
 
 
 def make_axis(step: float) -> np.ndarray:
-    """The grid's values of one coefficient; InputError when the step does not divide the range."""
+    """Return the grid's values of one coefficient; InputError if the step does not divide the range."""
     parts = (HIGH - LOW) / step if step > 0.0 else 0.0
     if not parts <= MAX_PARTS:
         raise InputError(f"--step: {step:g} is too fine; {(HIGH - LOW) / MAX_PARTS:g} is the least")
@@ -115,7 +115,7 @@ def make_axis(step: float) -> np.ndarray:
 
 
 def make_scoring(rig: Rig, shots: Shots) -> Scoring:
-    """The shots whose outcome is two or three; InputError when none is a three or the rig has no target."""
+    """Return the shots whose outcome is two or three; InputError if none is a three or the rig has no target."""
     if rig.target is None:
         raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
                          ": the fit is by outcomes")
@@ -129,14 +129,14 @@ def make_scoring(rig: Rig, shots: Shots) -> Scoring:
 
 
 def count_hits(hits: Hits, is_three: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """Maps [cl, cd]: three-shots flown into the three, and all shots flown into the two."""
+    """Return maps [cl, cd]: three-shots flown into the three, and all shots flown into the two."""
     in_three = (hits.label >= LABEL_THREE) & is_three[hits.launch]
     three, two = (np.bincount(pair, minlength=points**2) for pair in (hits.pair[in_three], hits.pair))
     return three.reshape(points, points), two.reshape(points, points)
 
 
 def rank_ties(scoring: Scoring, axis: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """GridFit.ties of pairs given as indices of [cl, cd] laid flat."""
+    """Return GridFit.ties of pairs given as flat indices of [cl, cd]."""
     cl, cd = axis[pairs // axis.size], axis[pairs % axis.size]
     deviation_m = scoring.deviation_m(cd, cl)
     mean_m, median_m = deviation_m.mean(axis=1), np.median(deviation_m, axis=1)
@@ -144,9 +144,9 @@ def rank_ties(scoring: Scoring, axis: np.ndarray, pairs: np.ndarray) -> np.ndarr
 
 
 def map_deviation(rig: Rig, shots: Shots, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
-    """Mean deviation in m of the shots whose outcome is three at each pair, infinite where one is not reached.
+    """Return the mean deviation in m of three-shots for each pair, infinite if one does not reach the plane.
 
-    cd and cl are arrays of one shape, and so is the result. Flies every pair: about a microsecond each and shot.
+    cd and cl are arrays of one shape, and so is the result. Flies every pair, at about a microsecond per pair and shot.
     """
     mean_m: np.ndarray = make_scoring(rig, shots).deviation_m(np.ravel(cd), np.ravel(cl)).mean(axis=1)
     return mean_m.reshape(np.shape(cd))
@@ -168,7 +168,7 @@ class Score(NamedTuple):
 
 
 def score(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots) -> Score:
-    """Predict every shot that has an outcome and compare; a plane not reached is an infinite deviation."""
+    """Predict every shot with an outcome and compare; a plane that is not reached is an infinite deviation."""
     known = shots.take(np.flatnonzero(np.isin(shots.text("outcome"), (MISS, TWO, THREE))))
     outcome = np.array(known.text("outcome"), dtype=str)
     height_m = predict(rig, coefficients, known).height_m
@@ -306,7 +306,7 @@ def _around(at: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 
 def provenance_of(step: float, dataset: Dataset, fit: GridFit, scored: Score) -> dict[str, Any]:
-    """Return how the chosen pair came about, in plain values for the coefficients file."""
+    """Return the origin of the chosen pair, as plain values for the coefficients file."""
     said = {"method": "grid", "step": step, "dataset": dataset.name, "dataset_sha256": hash_dataset(dataset),
             "truearc": version("truearc"), "tied_pairs": len(fit.ties), "shots_three": fit.shots_three,
             "shots_two": fit.shots_two, "accuracy_three": scored.three, "accuracy_two": scored.two,

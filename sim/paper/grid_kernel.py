@@ -32,7 +32,8 @@ small = njit(fastmath=REORDER, error_model="numpy", nogil=True, cache=True, forc
 
 
 def facts_of(rig: Rig) -> Numbers:
-    """What the law takes of a rig: gravity in m/s2, drag_per_m of the drag term, and per rev/s of the lift term."""
+    """Return what the equation of motion uses of a rig: gravity in m/s2, drag_per_m of the drag term, and per rev/s of
+    the lift term."""
     cube_m3 = rig.ball.radius_m * rig.ball.radius_m * rig.ball.radius_m
     lift_per_rev = 4.0 / 3.0 * 4.0 * math.pi**2 * cube_m3 * rig.air.density_kg_m3 / rig.ball.mass_kg
     return float(rig.world.gravity_m_s2), drag_per_m(rig), lift_per_rev
@@ -40,7 +41,7 @@ def facts_of(rig: Rig) -> Numbers:
 
 @small
 def acceleration(vx: float, vz: float, spin: float, values: Pair, facts: Numbers) -> Pair:
-    """Gravity, drag and lift in m/s2, as the terms of truearc.sim.physics have them; facts: see facts_of."""
+    """Return gravity, drag and lift in m/s2, as in the terms of truearc.sim.physics; facts: see facts_of."""
     cd, cl = values
     gravity, drag_per_m, lift_per_rev = facts
     drag = -cd * drag_per_m * math.sqrt(vx * vx + vz * vz + TINY)
@@ -55,7 +56,7 @@ ROWS = 14
 
 @small
 def advance(x: float, z: float, vx: float, vz: float, spin: float, values: Pair, facts: Numbers, step: float) -> Ball:
-    """One Runge-Kutta step: (x, z, vx, vz) after it."""
+    """Return (x, z, vx, vz) after one Runge-Kutta step."""
     half = 0.5 * step
     ax1, az1 = acceleration(vx, vz, spin, values, facts)
     vx2, vz2 = vx + half * ax1, vz + half * az1
@@ -71,7 +72,7 @@ def advance(x: float, z: float, vx: float, vz: float, spin: float, values: Pair,
 
 @small
 def goes_under(z0: float, vz0: float, z1: float, vz1: float, step: float) -> bool:
-    """Whether a step goes below the floor, by the parabola through height and vertical speeds at its ends."""
+    """Return whether a step goes below the floor, by the parabola through height and vertical speeds at its ends."""
     dip = z0 * (vz1 - vz0) - 0.5 * vz0 * vz0 * step
     return (z1 < 0.0) | ((vz0 < 0.0) & (vz1 > 0.0) & (dip < 0.0))
 
@@ -79,7 +80,8 @@ def goes_under(z0: float, vz0: float, z1: float, vz1: float, step: float) -> boo
 @small
 def step_of(vx: float, vz: float, spin: float, values: Pair, facts: Numbers, step_s: float, turn_rad: float,
             shortest_s: float) -> float:
-    """The lane's step, as truearc.sim.physics.flight has it: weight, which acts on a ball at rest, does not count."""
+    """Return the lane's step, as in truearc.sim.physics.flight: weight, which acts on a ball at rest, does not
+    count."""
     ax, az = acceleration(vx, vz, spin, values, facts)
     per_s = math.sqrt((ax**2 + (az + facts[0]) ** 2) / (vx * vx + vz * vz + 1e-200)) + 1e-200
     return min(max(turn_rad / per_s, shortest_s), step_s)
@@ -87,7 +89,7 @@ def step_of(vx: float, vz: float, spin: float, values: Pair, facts: Numbers, ste
 
 @small
 def part_of_step(w: Floats, facts: Numbers, lane: int, part: float) -> Ball:
-    """The lane's ball a part of a step later: (x, z, vx, vz)."""
+    """Return the lane's ball part of a step later: (x, z, vx, vz)."""
     return advance(w[X + lane], w[Z + lane], w[VX + lane], w[VZ + lane], w[SPIN + lane],
                    (w[CD + lane], w[CL + lane]), facts, part)
 
@@ -140,7 +142,7 @@ def fly_batch(w: Floats, facts: Numbers, deepest_m: float, most_steps: float) ->
 
 @fast
 def turn_batch(w: Floats, facts: Numbers) -> float:
-    """LONGEST: the part of the last step for which vx > 0; returns the number of lanes that may reach the plane."""
+    """Set LONGEST, the part of the last step for which vx > 0; return the number of lanes that may reach the plane."""
     turning, near = 0.0, 0.0
     for lane in range(LANES):
         _nx, _nz, nvx, _nvz = part_of_step(w, facts, lane, w[STEP + lane])
@@ -165,7 +167,8 @@ def turn_batch(w: Floats, facts: Numbers) -> float:
 
 @fast
 def reach_batch(w: Floats, facts: Numbers) -> None:
-    """TIME: the part of the last step after which the lane is at the plane, or LONGEST; FLYING: 1 if it gets there."""
+    """Set TIME, the part of the last step after which the lane is at the plane, or LONGEST, and FLYING, 1 if it gets
+    there."""
     for lane in range(LANES):
         tx, _tz, _tvx, _tvz = part_of_step(w, facts, lane, w[LONGEST + lane])
         vx, gap = w[VX + lane], w[DISTANCE + lane] - w[X + lane]

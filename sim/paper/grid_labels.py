@@ -63,7 +63,7 @@ for _points in range(2, WIDEST + 1):
 
 
 def make_roots(points: int, launches: int) -> np.ndarray:
-    """The first cells [n, 5] = launch, cl from, cl to, cd from, cd to (indices of the axis, both included)."""
+    """Return the first cells [n, 5] = launch, cl from, cl to, cd from, cd to (indices of the axis, both included)."""
     edges = np.linspace(0, points, -(-points // WIDEST) + 1).round().astype(np.int32)
     spans = np.stack([edges[:-1], edges[1:] - 1], axis=1)
     launch, row, column = np.meshgrid(np.arange(launches), np.arange(len(spans)), np.arange(len(spans)), indexing="ij")
@@ -71,7 +71,7 @@ def make_roots(points: int, launches: int) -> np.ndarray:
 
 
 def split(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Quarters of cells: (those to look at again, those small enough to be flown point by point)."""
+    """Return quarters of cells: (those to examine again, those small enough to be flown point by point)."""
     launch, top, bottom, left, right = cells.T
     row, column = (top + bottom) // 2, (left + right) // 2
     quarters = [np.stack([launch, *part], axis=1) for part in (
@@ -85,7 +85,7 @@ def split(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @compiled
 def mark(cells: Ints, labels: Labels, label: int) -> None:
-    """Give every point of the cells one label."""
+    """Give every point of the cells the same label."""
     for cell in range(len(cells)):
         launch, top, bottom, left, right = cells[cell]
         labels[launch, top:bottom + 1, left:right + 1] = label
@@ -116,7 +116,7 @@ def label_points(points: Ints, height_m: Floats, gap_m: Floats, under: Bools, ta
 
 @compiled
 def largest_step(values: Floats) -> float:
-    """Largest difference between two of four neighbouring nodes of a [NODES, NODES] array."""
+    """Return the largest difference between two of four neighbouring nodes of a [NODES, NODES] array."""
     a, b, c, d = values[:-1, :-1], values[:-1, 1:], values[1:, :-1], values[1:, 1:]
     highest = np.maximum(np.maximum(a, b), np.maximum(c, d))
     return float((highest - np.minimum(np.minimum(a, b), np.minimum(c, d))).max())
@@ -124,7 +124,8 @@ def largest_step(values: Floats) -> float:
 
 @compiled
 def has_cusp(gap: Floats) -> bool:
-    """Whether the flights that turn back and those that reach the plane are parted by a flight that stops in mid-air.
+    """Return whether a flight that stops in mid-air separates flights that turn back from those that reach the
+    plane.
 
     Where the plane itself parts them, the gap grows from nothing; where a flight all but turns back and then goes on,
     it begins at a finite size, and heights beside it change faster than nodes can tell.
@@ -197,7 +198,7 @@ def settle(cells: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: T
 @compiled
 def paint(shape: Floats, rows: Floats, columns: Floats, unsure: float, centre: float, three: float, two: float,
           labels: Labels) -> int:
-    """Label a cell's points from its polynomial; returns how many are DOUBTFUL."""
+    """Label a cell's points from its polynomial; return how many are DOUBTFUL."""
     heights = rows[:labels.shape[0]] @ shape @ columns[:labels.shape[1]].T
     found = 0
     for row in range(labels.shape[0]):
@@ -230,7 +231,7 @@ class Flyer:
 
     def fly(self, which: np.ndarray, cd: np.ndarray, cl: np.ndarray, steps: tuple[float, float]) -> tuple[
             np.ndarray, np.ndarray, np.ndarray]:
-        """(height, gap, under) of every lane as the kernel has them; any number of lanes."""
+        """Return (height, gap, under) of every lane as in the kernel; any number of lanes."""
         batches = -(-len(which) // LANES)
         if len(which) != batches * LANES:
             which, cd, cl = (np.resize(part, batches * LANES) for part in (which, cd, cl))
@@ -242,14 +243,15 @@ class Flyer:
 
 
 def make_flyer(rig: Rig, exit: Exit, distance_m: np.ndarray) -> Flyer:
-    """A flyer of these launches; the first flight compiles, which takes seconds, and the result stays on disk."""
+    """Return a flyer of these launches; the first flight compiles, which takes seconds, and the result stays on
+    disk."""
     launch = np.stack([exit.speed_m_s * np.cos(exit.elevation_rad), exit.speed_m_s * np.sin(exit.elevation_rad),
                        exit.spin_rev_s, distance_m], axis=1)
     return Flyer(grid_kernel, grid_kernel.facts_of(rig), float(rig.launcher.release_height_m), launch)
 
 
 def label_launches(flyer: Flyer, axis: np.ndarray, target: Target, rows: range) -> np.ndarray:
-    """Labels 0 miss, 1 two, 2 three [launches, cl, cd] of launches `rows` at every pair of the axis.
+    """Return labels 0 miss, 1 two, 2 three [launches, cl, cd] of launches `rows` at every pair of the axis.
 
     target: centre, three's and two's half height in m.
     """
@@ -288,7 +290,7 @@ def _fly_doubtful(flyer: Flyer, axis: np.ndarray, target: Target, labels: np.nda
 
 
 def find_hits(flyer: Flyer, axis: np.ndarray, target: Target, progress: Progress) -> Hits:
-    """Fly every launch over the whole grid; one thread a core, and the same result however many there are."""
+    """Fly every launch over the whole grid, one thread per core; the result does not depend on their number."""
     launches = len(flyer.launch)
 
     def one(first: int) -> Hits:
@@ -307,7 +309,7 @@ def find_hits(flyer: Flyer, axis: np.ndarray, target: Target, progress: Progress
 
 
 def fly_pairs(flyer: Flyer, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
-    """Heights in m [pairs, launches] at the plane by short steps, nan where not reached."""
+    """Return heights in m [pairs, launches] at the plane by short steps, nan where not reached."""
     launches = len(flyer.launch)
     height_m = np.empty((len(cd), launches))
     block = max(1, BLOCK // launches)

@@ -55,7 +55,8 @@ class Network:
 
 
 def initial_layers(rng: np.random.Generator) -> Layers:
-    """Glorot-uniform weights and zero biases (Keras's default, which the paper's implementation section implies)."""
+    """Return Glorot-uniform weights and zero biases (Keras's default, as the paper's implementation section
+    implies)."""
     def uniform(shape: tuple[int, ...]) -> np.ndarray:
         if len(shape) == 1:
             return np.zeros(shape)
@@ -65,25 +66,27 @@ def initial_layers(rng: np.random.Generator) -> Layers:
 
 
 def logits(layers: Layers, z: Any) -> Any:
-    """Log odds [n, 2] of (two, three) from standardised features [n, 3]; differentiable."""
+    """Return log odds [n, 2] of (two, three) from standardised features [n, 3]; differentiable."""
     return jax.nn.sigmoid(z @ layers.hidden_w + layers.hidden_b) @ layers.out_w + layers.out_b
 
 
 def probabilities(network: Network, features: np.ndarray) -> np.ndarray:
-    """The trainer's own forward pass in float64: features [n, 3] (order and units of the contract) to p [n, 2]."""
+    """Return the trainer's own forward pass in float64: features [n, 3] (order and units of the contract) to p [n,
+    2]."""
     z = (jnp.asarray(features, jnp.float64) - network.mean) * network.scale
     return np.asarray(jax.nn.sigmoid(logits(Layers(*map(jnp.asarray, network.layers)), z)))
 
 
 def standardisation(features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`mean` [3] and `scale` [3] = 1 / standard deviation of these rows; a feature that never varies gets scale 1."""
+    """Return `mean` [3] and `scale` [3] = 1 / standard deviation of these rows; a feature that never varies gets scale
+    1."""
     deviation = features.std(axis=0)
     scale = np.divide(1.0, deviation, out=np.ones_like(deviation), where=deviation > 1e-9)
     return exact_in_float32(features.mean(axis=0)), exact_in_float32(scale)
 
 
 def exact_in_float32(values: np.ndarray) -> np.ndarray:
-    """These values as float32 carries them, so that an exported graph computes with the very same ones."""
+    """Return these values rounded to float32, so that an exported graph computes with the same numbers."""
     return values.astype(np.float32).astype(np.float64)
 
 
@@ -112,7 +115,7 @@ def save_with_record(directory: str | Path, record: dict[str, Any], save_model: 
 
 
 def as_json(schema: str, table: dict[str, Any]) -> str:
-    """Text of a JSON object that names its schema; ValueError where a number is not finite."""
+    """Return the text of a JSON object that names its schema; ValueError if a number is not finite."""
     return json.dumps({"schema": schema, **table}, indent=1, allow_nan=False) + "\n"
 
 
@@ -124,7 +127,7 @@ def load_weights(directory: str | Path) -> tuple[Network, dict[str, Any]]:
 
 
 def weights_hash(directory: str | Path, model_file: str = WEIGHTS_FILE) -> str:
-    """SHA-256 over the bytes of the model's file and training.json; InputError when either cannot be read."""
+    """Return the SHA-256 of the bytes of the model's file and training.json; InputError if either cannot be read."""
     digest = hashlib.sha256()
     for name in (model_file, RECORD_FILE):
         digest.update(load_bytes(Path(directory) / name))
@@ -152,7 +155,8 @@ def _load_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def load_record(path: Path) -> dict[str, Any]:
-    """The training.json of a weights directory of any kind; InputError names the file and what is wrong with it."""
+    """Load the training.json of a weights directory of any kind; InputError names the file and what is wrong with
+    it."""
     record = load_json(path, SCHEMA)
     domain = record.get("domain")
     if not isinstance(domain, dict) or set(domain) != {feature.name for feature in FEATURES}:
@@ -161,7 +165,7 @@ def load_record(path: Path) -> dict[str, Any]:
 
 
 def load_json(path: Path, schema: str | None = None) -> dict[str, Any]:
-    """Read a JSON object, of this schema where one is given; InputError names the file and what is wrong with it."""
+    """Load a JSON object, of this schema if one is given; InputError names the file and what is wrong with it."""
     try:
         with naming(path):            # of values nested too deeply, too
             table = json.loads(load_bytes(path))
@@ -182,7 +186,8 @@ class Rows(NamedTuple):
 
 
 def training_rows(shots: Shots, name: str) -> tuple[Rows, list[str]]:
-    """Rows with an outcome and all three features, and a sentence for each kind of shot of dataset `name` left out."""
+    """Return rows with an outcome and all three features, and a sentence for each kind of excluded shot of dataset
+    `name`."""
     outcomes = shots.text("outcome")
     unjudged = np.array([outcome not in LABELS for outcome in outcomes], bool)
     features, kept, left_out = usable_rows(shots, name, unjudged, "no outcome")
@@ -190,9 +195,9 @@ def training_rows(shots: Shots, name: str) -> tuple[Rows, list[str]]:
 
 
 def usable_rows(shots: Shots, name: str, silent: np.ndarray, why: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """(features [k, 3], their rows in `shots` [k], a sentence for each kind of shot of dataset `name` left out).
+    """Return (features [k, 3], their rows in `shots` [k], a sentence for each kind of excluded shot of dataset `name`).
 
-    Rows lack no feature, and are not `silent` [n], which `why` explains. InputError when none is left.
+    Rows lack no feature, and are not `silent` [n], as `why` explains. InputError if none is left.
     """
     features = np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
     gaps = np.isnan(features)
@@ -208,18 +213,19 @@ def usable_rows(shots: Shots, name: str, silent: np.ndarray, why: str) -> tuple[
 
 
 def cross_entropy(log_odds: Any, labels: Any) -> Any:
-    """Binary cross-entropy of each row, summed over the two outputs: log odds [n, 2], labels [n, 2] -> [n] nats."""
+    """Return the binary cross-entropy of each row, summed over the two outputs: log odds [n, 2], labels [n, 2] -> [n]
+    nats."""
     return jnp.sum(jax.nn.softplus(log_odds) - labels * log_odds, axis=-1)
 
 
 def mean_loss(network: Network, rows: Rows) -> float:
-    """Mean cross-entropy of at least one row, in nats."""
+    """Return the mean cross-entropy of at least one row, in nats."""
     z = (rows.features - network.mean) * network.scale
     return float(jnp.mean(cross_entropy(logits(network.layers, z), rows.labels)))
 
 
 def split_heldout(rows: Rows, share: float, seed: int, option: str = "--holdout") -> tuple[Rows, Rows]:
-    """(kept, held out): `share` of each class is held out, drawn by seed, a draw of its own for each option.
+    """Return (kept, held out): `share` of each class is held out, drawn by seed, separately for each option.
 
     InputError names the option unless 0 <= share < 1.
     """
@@ -235,9 +241,9 @@ def split_heldout(rows: Rows, share: float, seed: int, option: str = "--holdout"
 
 
 def accuracy(network: Network, rows: Rows) -> dict[str, Any]:
-    """Share of rows whose outcome (of three), two-point hit and three-point hit are called right at p = 0.5.
+    """Return the shares of rows with correct outcome (of three), two-point hit and three-point hit at p = 0.5.
 
-    Keys: shots, outcome, two, three; the shares are None when there are no rows.
+    Keys: shots, outcome, two, three; the shares are None without rows.
     """
     if not len(rows.features):
         return {"shots": 0, "outcome": None, "two": None, "three": None}
@@ -247,9 +253,9 @@ def accuracy(network: Network, rows: Rows) -> dict[str, Any]:
 
 
 def domain_of(features: np.ndarray) -> dict[str, list[float]]:
-    """Where the model may be believed: the box around the recorded rows [n, 3], 10 % wider, within the contract.
+    """Return the model's valid domain: the box around the recorded rows [n, 3], 10 % wider, within the contract.
 
-    Simulated rows do not widen it: they cover configurations that no robot has shown anything about.
+    Simulated rows do not widen it: they cover configurations about which no robot has shown anything.
     """
     low, high = features.min(axis=0), features.max(axis=0)
     margin = 0.5 * DOMAIN_MARGIN * (high - low)

@@ -17,7 +17,7 @@ COLOURS = ("#1f5fa8", "#d99000", "#1b7f3b", "#b3261e", "#6b4fa0", "#9aa3af")
 
 
 class SweepSetting(NamedTuple):
-    """How many simulated shots, and their weight in the loss (the paper's lambda); without any the weight is 0."""
+    """Number of simulated shots, and their weight in the loss (the paper's lambda); without any the weight is 0."""
 
     size: int
     weight: float
@@ -36,7 +36,7 @@ class SweepNetwork(NamedTuple):
 
 
 class SweepScore(NamedTuple):
-    """What became of one network; losses are mean cross-entropies a shot, accuracies shares of the held-out shots."""
+    """Result of one network; losses are mean cross-entropies per shot, accuracies shares of the held-out shots."""
 
     size: int
     weight: float
@@ -57,7 +57,7 @@ class Mean(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """The best setting by validation, and its held-out loss less that of a rival, seed by seed."""
+    """The best setting by validation, and its held-out loss minus that of a rival, seed by seed."""
 
     best: SweepSetting
     rival: SweepSetting
@@ -65,7 +65,7 @@ class Verdict(NamedTuple):
 
 
 def settings_of(sizes: Sequence[int], weights: Sequence[float]) -> list[SweepSetting]:
-    """Every size with every weight; size 0 once. InputError on nonsense."""
+    """Return every size with every weight; size 0 once. InputError for invalid values."""
     for size in sizes:
         if size < 0:
             raise InputError(f"--sizes: {size} is less than 0")
@@ -101,7 +101,7 @@ def plan(real: Rows, simulated: Rows | None, settings: Sequence[SweepSetting], s
 
 
 def balanced_order(rows: Rows, seed: int) -> np.ndarray:
-    """All rows, drawn by seed, in an order whose every beginning is as evenly mixed by class as it can be."""
+    """Return all rows, drawn by seed, in an order whose every prefix is as balanced by class as possible."""
     rng = np.random.default_rng([seed, 3])
     level = rows.labels.sum(axis=1)
     turn = np.empty(len(level))
@@ -112,7 +112,7 @@ def balanced_order(rows: Rows, seed: int) -> np.ndarray:
 
 
 def judge(network: SweepNetwork, trained: Trained) -> SweepScore:
-    """A trained network against the shots it was not trained on."""
+    """Evaluate a trained network on the shots that it was not trained on."""
     right = accuracy(trained.network, network.heldout)
     assert network.job.validation is not None
     return SweepScore(*network.setting, network.seed, trained.step, mean_loss(trained.network, network.job.validation),
@@ -120,20 +120,22 @@ def judge(network: SweepNetwork, trained: Trained) -> SweepScore:
 
 
 def mean_of(values: Sequence[float]) -> Mean:
-    """Mean and half its 95 % interval. Seeds share shots, so the interval covers the draw, not another session."""
+    """Return the mean and half its 95 % interval. Seeds share shots, so the interval covers the draw, not another
+    session."""
     numbers = np.asarray(values, float)
     return Mean(float(numbers.mean()), student_half(numbers))
 
 
 def of_setting(scores: Sequence[SweepScore], setting: SweepSetting) -> list[SweepScore]:
-    """The scores of one setting, in the order of their seeds."""
+    """Return the scores of one setting, in the order of their seeds."""
     return sorted((score for score in scores if (score.size, score.weight) == setting), key=lambda score: score.seed)
 
 
 def compare(scores: Sequence[SweepScore], settings: Sequence[SweepSetting]) -> Verdict | None:
-    """The setting with the least mean validation loss against its rival: no simulated shots, or else the next best.
+    """Compare the setting with the lowest mean validation loss with its rival: no simulated shots, or else the next
+    best.
 
-    The held-out shots have no say in which is best. None when there is a single setting.
+    Held-out shots do not affect the choice. None with a single setting.
     """
     ranked = sorted(settings, key=lambda setting: mean_of([score.validation_loss
                                                            for score in of_setting(scores, setting)]).value)
@@ -146,7 +148,8 @@ def compare(scores: Sequence[SweepScore], settings: Sequence[SweepSetting]) -> V
 
 
 def draw_sweep(scores: Sequence[SweepScore], settings: Sequence[SweepSetting]) -> Figure:
-    """Held-out cross-entropy and accuracy by amount of simulated data, one line a lambda, 95 % intervals."""
+    """Draw held-out cross-entropy and accuracy over the number of simulated shots, one line per lambda, 95 %
+    intervals."""
     figure, panels = new_panels(8.0, 5.6, 2, sharex=True)
     weights = sorted({setting.weight for setting in settings if setting.size}) or [0.0]
     for place, weight in enumerate(weights):

@@ -41,11 +41,12 @@ class Axis:
     count: int
 
     def values(self) -> np.ndarray:
-        """All values, each the float nearest to its decimal."""
+        """Return all values, each the float nearest to its decimal."""
         return (round(self.low * self.per_unit) + np.arange(self.count)) / self.per_unit
 
     def nearest(self, values: np.ndarray) -> np.ndarray:
-        """Index of the grid value nearest to each value; -1 where it is further than half a step outside the axis."""
+        """Return the index of the grid value nearest to each value; -1 if it is more than half a step outside the
+        axis."""
         index = np.rint((values - self.low) * self.per_unit)
         return np.where((index >= 0) & (index < self.count), index, -1).astype(np.int64)
 
@@ -55,7 +56,7 @@ SHAPE = tuple(axis.count for axis in AXES)
 
 
 def grid_shots(index: np.ndarray) -> Shots:
-    """The configurations at flat positions of the grid (motor_ratio slowest, distance_m fastest)."""
+    """Return the configurations at flat positions of the grid (motor_ratio slowest, distance_m fastest)."""
     places = np.unravel_index(index, SHAPE)
     numbers = {axis.name: axis.values()[place] for axis, place in zip(AXES, places, strict=True)}
     return Shots(tuple(f"sim-{position:06d}" for position in index), numbers, {})
@@ -64,7 +65,7 @@ def grid_shots(index: np.ndarray) -> Shots:
 def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
                progress: Progress = lambda done, note: None, curves: Curves = NONE,
                among: Catalogue | None = None) -> np.ndarray:
-    """Outcome of every configuration of the grid, flat, by the simulator with gravity and these terms.
+    """Return the outcome of every configuration of the grid, flat, from the simulator with gravity and these terms.
 
     Some of the terms may go with curves. among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue()
     when not given. InputError when the rig has no target, or cannot turn a motor ratio into a launch.
@@ -76,14 +77,15 @@ def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
 
 
 def taken_configurations(shots: Shots) -> np.ndarray:
-    """Flat positions of the grid nearest to recorded shots; a shot that lacks one of the three columns has none."""
+    """Return flat positions of the grid nearest to recorded shots; none for a shot that lacks one of the three
+    columns."""
     known = np.all([np.isfinite(shots.number(axis.name)) for axis in AXES], axis=0)
     places = np.stack([axis.nearest(shots.number(axis.name)[known]) for axis in AXES])
     return np.unique(np.ravel_multi_index(tuple(places[:, (places >= 0).all(axis=0)]), SHAPE))
 
 
 def sample_balanced(outcomes: np.ndarray, count: int, taken: np.ndarray, seed: int) -> np.ndarray:
-    """`count` flat positions, ascending, as evenly by outcome as may be, none of them in `taken`; drawn by seed.
+    """Draw `count` flat positions by seed, ascending, as even by outcome as possible, none of them in `taken`.
 
     What does not divide by three goes to miss first, then two. InputError when an outcome is too rare for its share.
     """
@@ -103,7 +105,7 @@ def sample_balanced(outcomes: np.ndarray, count: int, taken: np.ndarray, seed: i
 
 
 def check_draw(count: int, seed: int) -> None:
-    """InputError names the option that no sample can be drawn with."""
+    """Raise InputError naming the option with which no sample can be drawn."""
     if count < len(OUTCOMES):
         raise InputError(f"-n is {count}; at least {len(OUTCOMES)} shots are needed, one of each outcome")
     if seed < 0:

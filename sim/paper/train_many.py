@@ -1,16 +1,17 @@
 """Training of the paper's network on pairs of recorded and simulated minibatches (III-D, Eq. 15).
 
 This module makes the choices that the paper leaves open. Features are standardised with the mean and standard deviation
-of the recorded training rows; the cross-entropies of the two outputs are summed and averaged over the ten rows. Length
-is counted in steps (minibatches, Adam updates), not epochs: an epoch is one pass over the simulated rows, so equal
-epochs would give a network with 1250 simulated rows two and a half times the updates of one with 500, and the sweep
-over sizes would measure the length of training. With validation rows, the weights with the lowest cross-entropy on them
-are kept, and training stops after `patience` steps without improvement. The lengths were chosen on one session of the
-emulated robot (seed 11, 119 shots, 900 simulated, 32 splits; a fifth held out, a quarter of the rest for validation):
-held-out cross-entropy is 0.857 +- 0.026 with these, 0.869 with half the patience. Without stopping, validation
-cross-entropy is 0.90 after 200 000 steps and 1.23 after 2 million: the network memorises its hundred shots.
+of the recorded training rows; the cross-entropies of the two outputs are summed and averaged over the ten rows.
+Training length is counted in steps (minibatches, Adam updates), not epochs: an epoch is one pass over the simulated
+rows, so equal epochs would give a network with 1250 simulated rows two and a half times the updates of one with 500,
+and the sweep over sizes would measure the length of training. With validation rows, the weights with the lowest
+cross-entropy on them are kept, and training stops after `patience` steps without improvement. The lengths were chosen
+on one session of the emulated robot (seed 11, 119 shots, 900 simulated, 32 splits; a fifth held out, a quarter of the
+rest for validation): held-out cross-entropy is 0.857 +- 0.026 with these lengths, 0.869 with half the patience. Without
+stopping, validation cross-entropy is 0.90 after 200 000 steps and 1.23 after 2 million: the network memorises its
+hundred shots.
 
-A compiled loop trains one network, so that several networks train on as many threads. The gradient is written out;
+A compiled loop trains one network, so several networks can train in parallel threads. The gradient is written out;
 tests compare it with NumPy and JAX. Layout of the parameters [50]: hidden_w (feature by feature, 8 nodes each),
 hidden_b, out_w (node by node, 2 outputs each), out_b.
 """
@@ -45,7 +46,7 @@ _FAST = {"contract", "reassoc", "arcp", "nsz"}
 
 @njit(fastmath=_FAST, error_model="numpy", cache=True)
 def sigmoid(x: np.float32) -> np.float32:
-    """1 / (1 + exp(-x)) within 1e-6: five terms of the series of exp(-x / 32), squared five times.
+    """Return 1 / (1 + exp(-x)) within 1e-6: five terms of the series of exp(-x / 32), squared five times.
 
     The series is rough only where the sigmoid is flat. No branch and no table, which is what lets nodes share
     vector instructions. Beyond x = 48 the series would rise again, hence the bound.
@@ -65,10 +66,10 @@ def sigmoid(x: np.float32) -> np.float32:
 
 
 class Deck(NamedTuple):
-    """What deals the minibatches of a network; changed in place.
+    """State from which a network's minibatches are dealt; changed in place.
 
-    `dice` [1] uint64, not 0: generator. `cards` [rows] int32: permutation of its recorded rows' numbers, then of its
-    simulated ones'. `sizes` [2]: how many of each. `at` [3]: next card of either, and minibatches left in the epoch.
+    `dice` [1] uint64, not 0: generator. `cards` [rows] int32: permutation of the numbers of its recorded rows, then of
+    its simulated ones. `sizes` [2]: number of each. `at` [3]: next card of either, and minibatches left in the epoch.
     """
 
     dice: Any
@@ -79,7 +80,7 @@ class Deck(NamedTuple):
 
 @njit(fastmath=_FAST, error_model="numpy", nogil=True, cache=True)
 def advance(rows: Any, deck: Deck, weights: Any, state: Any, first: int, steps: int, learning_rate: float) -> None:
-    """Adam steps on a network, in place.
+    """Make Adam steps on a network, in place.
 
     rows [n, 5]; weights [2] of a recorded and of a simulated row in the loss; state [3, 50] parameters and Adam's two
     moments; `first` steps were made before.
@@ -118,7 +119,8 @@ def advance(rows: Any, deck: Deck, weights: Any, state: Any, first: int, steps: 
 
 @njit(nogil=True, cache=True)
 def deal(deck: Deck, picked: Any) -> None:
-    """Row numbers of a network's next minibatch into picked [20]: ten recorded rows, then ten simulated ones.
+    """Write the row numbers of a network's next minibatch into picked [20]: ten recorded rows, then ten simulated
+    ones.
 
     Both come from permutations: an epoch goes once through the simulated rows, the last minibatch filled up from the
     head of their permutation, while recorded rows are reshuffled as often as that takes. Without simulated rows an
@@ -191,7 +193,7 @@ class Trained:
 
 
 def check_job(job: Job) -> None:
-    """InputError names what is wrong with one network's rows, lambda or seed."""
+    """Raise InputError naming what is wrong with one network's rows, lambda or seed."""
     if job.seed < 0:
         raise InputError(f"--seed is {job.seed}; it cannot be negative")
     if not 0.0 <= job.simulated_weight < math.inf:
@@ -201,7 +203,7 @@ def check_job(job: Job) -> None:
 
 
 def batches_per_epoch(real: int, simulated: int) -> int:
-    """Minibatches of once through the simulated rows, or the recorded ones where there are no others."""
+    """Return the minibatches of one pass through the simulated rows, or the recorded ones without simulated ones."""
     return -(-(simulated or real) // BATCH)
 
 
@@ -260,18 +262,18 @@ def _mean_losses(layers: Layers, rows: np.ndarray, sizes: Sequence[int]) -> list
 
 
 def make_deck(rng: np.random.Generator, real: int, simulated: int) -> Deck:
-    """What deals the minibatches of a network with so many rows; the generator gives one seed."""
+    """Return the deck of a network with so many rows; `rng` supplies one seed."""
     return Deck(rng.integers(1, 2**63, dtype=np.uint64, size=1), np.arange(real + simulated, dtype=np.int32),
                 np.array([real, simulated]), np.zeros(3, np.int64))
 
 
 def pack(layers: Layers) -> np.ndarray:
-    """The parameters [50] in the kernel's order."""
+    """Return the parameters [50] in the kernel's order."""
     return np.concatenate([np.ravel(part) for part in layers])
 
 
 def unpack(parameters: np.ndarray) -> Layers:
-    """Layers of parameters [50]."""
+    """Return the layers of parameters [50]."""
     ends = np.cumsum([math.prod(shape) for shape in SHAPES])
     return Layers(*(part.reshape(shape).astype(float) for part, shape in
                     zip(np.split(np.asarray(parameters), ends[:-1]), SHAPES, strict=True)))

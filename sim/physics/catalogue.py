@@ -115,7 +115,7 @@ NAMELESS: tuple[Nameless, ...] = (FreeDistance(), FreeSpeed(), FreeElevation(), 
 
 
 def find_nameless(name: str) -> Nameless:
-    """Return the unexplained effect of this name; KeyError where there is none."""
+    """Return the unexplained effect of this name; KeyError if there is none."""
     return {one.name: one for one in NAMELESS}[name]
 
 
@@ -124,7 +124,7 @@ UNIT = re.compile(r"(1|((kg|rad|rev|deg|m|s)\d*)+)(/((kg|rad|rev|deg|m|s)\d*)+)?
 
 
 def check_term(term: Term) -> None:
-    """Refuse a term that leaves something out.
+    """Reject an incomplete term.
 
     Raises:
         InputError: names the class, and every declaration that is missing or wrong.
@@ -246,23 +246,23 @@ class Catalogue:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the terms, in their order."""
+        """Names of the terms, in order."""
         return tuple(term.name for term in self.terms)
 
     @property
     def always(self) -> tuple[str, ...]:
-        """Names of terms that are at work in every simulation."""
+        """Names of terms that are active in every simulation."""
         return tuple(term.name for term in self.terms if term.always)
 
     def get(self, name: str) -> Term | None:
-        """The term, or the unexplained effect, that is called so; None where there is none."""
+        """Return the term, or the unexplained effect, of this name; None if there is none."""
         return next((term for term in (*self.terms, *NAMELESS) if term.name == name), None)
 
     def find(self, names: Iterable[str]) -> tuple[Term, ...]:
-        """Terms by name, in the catalogue's order, unexplained effects last.
+        """Return terms by name, in the catalogue's order, unexplained effects last.
 
         Raises:
-            InputError: names the first that there is none of.
+            InputError: names the first unknown one.
         """
         wanted = set(names)
         for name in sorted(wanted - {term.name for term in (*self.terms, *NAMELESS)}):
@@ -284,54 +284,54 @@ def catalogue() -> Catalogue:
 
 
 def as_catalogue(terms: Iterable[Term] | None) -> Catalogue:
-    """These terms, or catalogue() where none are given. InputError as Catalogue."""
+    """Return these terms as a catalogue, or catalogue() if none are given. InputError as Catalogue."""
     if terms is None:
         return catalogue()
     return terms if isinstance(terms, Catalogue) else Catalogue(tuple(terms))
 
 
 def find_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[Term, ...]:
-    """As Catalogue.find; among: the catalogue, catalogue() when not given, here and below."""
+    """Find terms as Catalogue.find does; among: the catalogue, catalogue() by default, here and below."""
     return as_catalogue(among).find(names)
 
 
 def sensing_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.SensingTerm, ...]:
-    """Those of the named terms that correct what the robot's sensors say of a configuration."""
+    """Return those of the named terms that correct the robot's sensor readings of a configuration."""
     return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.SensingTerm))
 
 
 def watch_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[WatchTerm, ...]:
-    """Those of the named terms that are about the tracker."""
+    """Return those of the named terms that concern the tracker."""
     return tuple(term for term in find_terms(names, among) if isinstance(term, WatchTerm))
 
 
 def launch_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.LaunchTerm, ...]:
-    """Those of the named terms that act while the wheels hold the ball."""
+    """Return those of the named terms that act while the wheels hold the ball."""
     return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.LaunchTerm))
 
 
 def flight_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.InFlight, ...]:
-    """Those of the named terms that act in the air, on the ball or on what air it meets."""
+    """Return those of the named terms that act in the air, on the ball or on the air it meets."""
     return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.InFlight))
 
 
 def arrival_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.ArrivalTerm, ...]:
-    """Those of the named terms that are about the target."""
+    """Return those of the named terms that concern the target."""
     return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.ArrivalTerm))
 
 
 def effective(params: Mapping[str, Mapping[str, Any]], circumstances: Circumstances,
               among: Catalogue | None = None) -> dict[str, dict[str, Any]]:
-    """{term: {parameter: value}}, complete, as the terms' hooks take them for shots under these circumstances.
+    """Return {term: {parameter: value}}, complete, as the terms' hooks take them for shots under these circumstances.
 
-    Numbers of a term that follows a circumstance become arrays like it; InputError names a term that there is none of.
+    Numbers of a term that follows a circumstance become arrays like it; InputError names an unknown term.
     """
     return {term.name: dict(term.at_shot(complete(term, params[term.name]), circumstances))
             for term in find_terms(params, among)}
 
 
 def find_parameter(name: str, among: Catalogue | None = None) -> Parameter:
-    """The parameter called "term.parameter", or a curve's point; InputError when the catalogue has none of that
+    """Return the parameter called "term.parameter", or a curve's point; InputError if the catalogue has none of that
     name."""
     term_name, _, key = name.partition(".")
     if term_name == CURVE:
@@ -344,7 +344,7 @@ def find_parameter(name: str, among: Catalogue | None = None) -> Parameter:
 
 
 def terms_of_distributions(known: Sequence[Term]) -> tuple[Term, ...]:
-    """Terms of all entry points of the group, beside the `known` ones.
+    """Return terms of all entry points of the group, besides the `known` ones.
 
     Raises:
         InputError: names the distribution and entry point that cannot be loaded, are incomplete, or have a taken name.
@@ -361,7 +361,7 @@ def terms_of_distributions(known: Sequence[Term]) -> tuple[Term, ...]:
 
 
 def terms_of_file(path: str | Path, known: Iterable[Term]) -> tuple[Term, ...]:
-    """Terms that a Python file defines at module level, by classes or instances, beside the `known` ones.
+    """Return terms that a Python file defines at module level, as classes or instances, besides the `known` ones.
 
     They can be sent to other processes, which get the file's text along with them.
 
@@ -376,12 +376,12 @@ def terms_of_file(path: str | Path, known: Iterable[Term]) -> tuple[Term, ...]:
 
 
 def terms_in(module: ModuleType) -> list[Any]:
-    """Terms at the module's top level, and classes of terms that it defines itself."""
+    """Return terms at the module's top level, and classes of terms that it defines itself."""
     return [value for value in vars(module).values() if isinstance(value, Term) or _is_own_class(value, module)]
 
 
 def check_unique(terms: Iterable[Term]) -> None:
-    """InputError names the first term whose name another has."""
+    """Raise InputError naming the first term whose name is already taken."""
     seen: set[str] = set()
     for term in terms:
         if term.name in seen:

@@ -41,7 +41,7 @@ Balls = tuple[Any, Any]               # mass in kg, radius in m of each lane's b
 
 
 class Crossing(NamedTuple):
-    """At the target plane; height is nan where not reached, and time then is the end of the flight."""
+    """Arrival at the target plane; height is nan if not reached, and time then is the end of the flight."""
 
     height_m: Any
     time_s: Any
@@ -88,7 +88,8 @@ def _fly(shape_of_rig: Rig, numbers: Any, terms: tuple[InFlight, ...],
 @partial(jax.jit, static_argnames=("rig", "terms", "points", "step_s"))
 def path(rig: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
          points: int, step_s: float = STEP_S) -> BallState:
-    """The free flight of every lane, `points` states step_s apart (leading axis, launch first), through the floor."""
+    """Return the free flight of every lane, `points` states step_s apart (leading axis, launch first), through the
+    floor."""
     law = make_law(rig, terms, params)
     start = _dense(start_of(rig, exit, _shape(params, exit, 0.0)))
 
@@ -99,12 +100,12 @@ def path(rig: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str
 
 
 def with_balls(rig: Rig, balls: Balls | None) -> Rig:
-    """The rig with the balls' arrays in place of its own ball."""
+    """Return the rig with the balls' arrays in place of its own ball."""
     return rig if balls is None else msgspec.structs.replace(rig, ball=Ball(*balls))
 
 
 def make_law(rig: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping[str, Any]]) -> Law:
-    """The sum of the terms' accelerations in m/s2 as a function of the ball's state.
+    """Return the sum of the terms' accelerations in m/s2 as a function of the ball's state.
 
     terms: in the catalogue's order. params: effective values (truearc.sim.physics.catalogue.effective). First the
     terms about the air make the ball as the air sees it; then each force in turn may be a share of those before it.
@@ -126,13 +127,13 @@ def make_law(rig: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping[s
 
 
 def needs_time(law: Law, ball: BallState) -> bool:
-    """Whether the law says something else of a ball that has flown for longer; found by tracing it."""
+    """Return whether the equation of motion depends on the time of flight; found by tracing it."""
     traced = jax.make_jaxpr(lambda time_s: tuple(law(ball._replace(time_s=time_s))))(0.0).jaxpr
     return any(atom is traced.invars[0] for equation in traced.eqns for atom in equation.invars)
 
 
 def start_of(rig: Rig, exit: Exit, shape: tuple[int, ...]) -> BallState:
-    """The ball at the exit point, flying in the vertical plane, backspin about -y."""
+    """Return the ball at the exit point, flying in the vertical plane, with backspin about -y."""
     speed, elevation, spin, above_m = (jnp.broadcast_to(jnp.asarray(part, dtype=float), shape) for part in exit)
     zero = jnp.zeros(shape)
     return BallState(position_m=Vec(zero, 0.0, zero + rig.launcher.release_height_m + above_m),
@@ -141,7 +142,7 @@ def start_of(rig: Rig, exit: Exit, shape: tuple[int, ...]) -> BallState:
 
 
 def rk4(law: Law, ball: BallState, step_s: Any) -> BallState:
-    """One classical Runge-Kutta step of position, velocity and time; step_s a number or one a lane."""
+    """Make one classical Runge-Kutta step of position, velocity and time; step_s: a number or one per lane."""
     half = times(0.5, step_s)
     v1 = ball.velocity_m_s
     a1 = law(ball)
@@ -165,7 +166,8 @@ def _weigh(k1: Vec, k2: Vec, k3: Vec, k4: Vec) -> Vec:
 
 
 def settle(law: Law, ball: BallState) -> BallState:
-    """Give the sideways components arrays if the law pushes sideways, so that the loop's state keeps its form."""
+    """Replace absent sideways components by arrays if the law pushes sideways, so that the loop's state keeps its
+    form."""
     if absent(law(ball).y) and absent(ball.velocity_m_s.y):
         return ball
     return _dense(ball)._replace(time_s=ball.time_s)
@@ -204,12 +206,13 @@ def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps:
 
 
 def kept(ball: BallState) -> tuple[Any, ...]:
-    """State of a flight for JAX's loops: the components of place and velocity, and the time, that are not absent."""
+    """Return the state of a flight for JAX's loops: the components of position and velocity, and the time, that are
+    present."""
     return tuple(part for part in (*ball.position_m, *ball.velocity_m_s, ball.time_s) if not absent(part))
 
 
 def full(like: BallState, state: tuple[Any, ...]) -> BallState:
-    """The inverse of kept, of a flight that carries what `like` has."""
+    """Invert kept, for a flight with the components of `like`."""
     rest = iter(state)
     place, velocity = (Vec(*(part if absent(part) else next(rest) for part in vec)) for vec in like[:2])
     return like._replace(position_m=place, velocity_m_s=velocity,
@@ -282,8 +285,8 @@ def _shape(params: Mapping[str, Mapping[str, Any]], exit: Exit, distance_m: Any)
 
 
 class Plane(NamedTuple):
-    """At the plane, arrays [n]: height, how fast the ball climbs per metre of x, whether it came there at all, how far
-    to the left it is, and how long it has flown, where that was asked for."""
+    """Arrival at the plane, arrays [n]: height, climb per metre of x, whether the ball reached it, lateral position to
+    the left, and time of flight if requested."""
 
     height_m: Any
     climb: Any
@@ -349,12 +352,13 @@ def _rate(law: Law, ball: BallState) -> tuple[Any, ...]:
 
 @lru_cache(256)
 def apart(rig: Rig) -> tuple[Rig, np.ndarray]:
-    """The rig without its numbers, for which code is compiled, and these [numbers], in the order of its fields."""
+    """Return the rig without its numbers, for which code is compiled, and these [numbers], in the order of its
+    fields."""
     return _put(rig, repeat(0.0)), np.array(list(_leaves(rig)), dtype=float)
 
 
 def together(rig: Rig, numbers: Any) -> Rig:
-    """The rig of both; numbers: traced ones, too."""
+    """Return the rig of both; numbers may be traced."""
     whole: Rig = _put(rig, iter([numbers[k] for k in range(len(numbers))]))
     return whole
 

@@ -49,7 +49,7 @@ def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Sh
 def trajectories(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
                  circumstances: Circumstances = ORDINARY, among: known.Catalogue | None = None
                  ) -> tuple[tuple[np.ndarray, float], ...]:
-    """Each shot's flight, flown as `predict` does with the rig's ball, and the distance to its plane in m.
+    """Return each shot's flight, flown as `predict` does with the rig's ball, and the distance to its plane in m.
 
     A flight is places [k, 3] in m in the launcher's frame (x toward the target, y left, z up; origin on the floor below
     the exit), POINT_S apart, from the exit to where it first meets the plane or the floor or turns back; it ends after
@@ -86,7 +86,7 @@ def _until_end(places: np.ndarray, distance_m: float) -> np.ndarray:
 
 
 def own_balls(rig: Rig, shots: Shots) -> Balls | None:
-    """Mass in kg and radius in m [n] of each shot's ball, the rig's where a shot states none; None where none does."""
+    """Return mass in kg and radius in m [n] of each shot's ball, by default the rig's; None if no shot states one."""
     given = [shots.number(name) for name in ("mass_kg", "radius_m")]
     if not any((column > 0.0).any() for column in given):
         return None
@@ -97,7 +97,8 @@ def own_balls(rig: Rig, shots: Shots) -> Balls | None:
 
 def sense(rig: Rig, values: Values, exit: Exit, distance_m: Any, where: Any = True,
           among: known.Catalogue | None = None) -> tuple[Exit, Any]:
-    """(launch by the wheels, distance) in truth, by the sensing terms among `values`; numpy or JAX arrays [n].
+    """Return (launch by the wheels, distance) corrected by the sensing terms among `values`; numpy or JAX arrays
+    [n].
 
     exit, distance_m: as the sensors have them. where: the parts of the launch from the robot's own sensors, an Exit of
     booleans (by_robot) or one for all; a distance is always theirs.
@@ -109,7 +110,7 @@ def sense(rig: Rig, values: Values, exit: Exit, distance_m: Any, where: Any = Tr
 
 
 def leave(rig: Rig, values: Values, exit: Exit, where: Any = True, among: known.Catalogue | None = None) -> Exit:
-    """The launch after the launch terms among `values` (effective); numpy or JAX arrays [n].
+    """Return the launch after the launch terms among `values` (effective); numpy or JAX arrays [n].
 
     exit: the launch by the wheels. Terms act on the parts that `where` names, an Exit of booleans (by_robot) or one for
     all; without such terms `exit` itself returns.
@@ -122,7 +123,8 @@ def leave(rig: Rig, values: Values, exit: Exit, where: Any = True, among: known.
 
 def opening_of(rig: Rig, coefficients: Values, among: known.Catalogue | None = None,
                circumstances: Circumstances = ORDINARY) -> Opening:
-    """The opening that the ball has to pass, by the rig's target and the arrival terms among `coefficients`.
+    """Return the opening that the ball has to pass, from the rig's target and the arrival terms among
+    `coefficients`.
 
     InputError when the rig has no target.
     """
@@ -146,7 +148,7 @@ def _where(where: Any, new: Exit, old: Exit) -> Exit:
 
 
 def take_values(values: Values, rows: Any) -> dict[str, dict[str, Any]]:
-    """Those lanes of effective values; numbers that all lanes share stay as they are."""
+    """Return those lanes of effective values; numbers shared by all lanes stay unchanged."""
     return {name: {key: value if np.ndim(value) == 0 else value[rows] for key, value in table.items()}
             for name, table in values.items()}
 
@@ -176,7 +178,7 @@ def fly_rows(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
 
 
 def classify(rig: Rig, height_m: np.ndarray, opening: Opening | None = None) -> np.ndarray:
-    """Outcome of a height at the plane (nan = not reached): the paper's Eq. 13 and 14, bounds included.
+    """Return the outcome of a height at the plane (nan = not reached): the paper's Eq. 13 and 14, bounds included.
 
     opening: the target's; the rig's own when not given.
     """
@@ -186,7 +188,8 @@ def classify(rig: Rig, height_m: np.ndarray, opening: Opening | None = None) -> 
 
 
 def launch_of(rig: Rig, shots: Shots) -> Exit:
-    """How each shot left: measured exit columns first, then wheel speeds, then motor_ratio (numpy, one row a shot).
+    """Return how each shot left: from measured exit columns, else wheel speeds, else motor_ratio (numpy, one row per
+    shot).
 
     A measured speed without a spin, measured or of wheels, means a ball without spin. InputError names shots that have
     too little of these, or no elevation.
@@ -207,7 +210,7 @@ def _as_recorded(rig: Rig, shots: Shots) -> Exit:
 
 
 def launch_state(rig: Rig, shots: Shots) -> dict[str, np.ndarray]:
-    """Exit speed and backspin as the believed launch has them, nan where not known; nothing where no speed is."""
+    """Return exit speed and backspin of the believed launch, nan where unknown; nothing if no speed is known."""
     leaving = _as_recorded(rig, shots)
     if np.isnan(leaving.speed_m_s).all():
         return {}
@@ -216,17 +219,18 @@ def launch_state(rig: Rig, shots: Shots) -> dict[str, np.ndarray]:
 
 
 def by_wheels(shots: Shots) -> np.ndarray:
-    """Which shots' speed launch_of takes from the wheels, since none was measured."""
+    """Return which shots' speed launch_of takes from the wheels, since none was measured."""
     return np.isnan(shots.number("exit_speed_m_s"))
 
 
 def has_wheels(rig: Rig, shots: Shots) -> np.ndarray:
-    """Which shots' every wheel has a speed, measured or by motor_ratio; none of a rig without wheels."""
+    """Return which shots have a speed for every wheel, measured or from motor_ratio; none for a rig without wheels."""
     return np.asarray(np.isfinite(_from_wheels(rig, shots)[0]))
 
 
 def by_robot(shots: Shots) -> Exit:
-    """Which parts of launch_of come from the robot's own sensors, not from measurements of the ball: booleans [n].
+    """Return which parts of launch_of come from the robot's own sensors, not from measurements of the ball: booleans
+    [n].
 
     The release height is always the rig's.
     """
@@ -234,14 +238,15 @@ def by_robot(shots: Shots) -> Exit:
 
 
 def require(shots: Shots, name: str) -> np.ndarray:
-    """A numeric column without gaps; InputError names the shots that lack it."""
+    """Return a numeric column without gaps; InputError names the shots that lack it."""
     column = shots.number(name)
     _need(shots, np.isnan(column), name)
     return column
 
 
 def roll(rig: Rig, surface_m_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(speed in m/s, backspin in rev/s) [n] by the surface speeds of the wheels [n, wheels]; linear in them."""
+    """Return (speed in m/s, backspin in rev/s) [n] from the surface speeds of the wheels [n, wheels]; linear in
+    them."""
     if is_opposed(rig):
         lower = [round(wheel.clock_deg % 360.0, 6) for wheel in rig.launcher.wheel].index(180.0)
         exit = exit_opposed(rig, surface_m_s[:, 1 - lower], surface_m_s[:, lower], 0.0)
@@ -275,13 +280,13 @@ def _need(shots: Shots, lacking: np.ndarray, what: str) -> None:
 
 
 def exit_opposed(rig: Rig, upper_m_s: Any, lower_m_s: Any, hood_deg: Any) -> Exit:
-    """Eq. 11 and 12 from the surface speeds of the two wheels."""
+    """Evaluate Eq. 11 and 12 for the surface speeds of the two wheels."""
     spin_rev_s = (lower_m_s - upper_m_s) / (2.0 * math.pi * rig.ball.radius_m)
     return Exit((upper_m_s + lower_m_s) / 2.0, hood_deg * (math.pi / 180.0), spin_rev_s)
 
 
 def exit_no_slip(rig: Rig, wheel_surface_m_s: Any) -> tuple[Any, Any]:
-    """Exit speed and spin of a ball that rolls on all wheels without slip, in least squares.
+    """Return exit speed and spin of a ball that rolls on all wheels without slip, by least squares.
 
     wheel_surface_m_s: [n, wheels] in the rig's order, positive drives the ball out. Returns speed [n] in m/s and spin
     [n, 3] in rad/s, right-handed about (exit direction, left, up across the exit direction); backspin is about -left.
@@ -297,5 +302,5 @@ def exit_no_slip(rig: Rig, wheel_surface_m_s: Any) -> tuple[Any, Any]:
 
 
 def is_opposed(rig: Rig) -> bool:
-    """Whether the paper's Eq. 11 and 12 apply to this rig."""
+    """Return whether the paper's Eq. 11 and 12 apply to this rig."""
     return sorted(round(wheel.clock_deg % 360.0, 6) for wheel in rig.launcher.wheel) == [0.0, 180.0]

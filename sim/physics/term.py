@@ -40,7 +40,7 @@ class Vec(NamedTuple):
 
 
 def absent(value: Any) -> bool:
-    """Whether a component is the literal zero (an array is never absent, whatever is in it)."""
+    """Return whether a component is the literal zero (an array is never absent, whatever it contains)."""
     return isinstance(value, float) and value == 0.0
 
 
@@ -85,7 +85,8 @@ def length(a: Vec) -> Any:
 
 
 def axes(velocity: Vec) -> tuple[Vec, Vec, Vec]:
-    """Unit vectors along the velocity, across it and up, and to the left; across ones fade as it becomes vertical."""
+    """Return unit vectors along the velocity, across it and up, and to the left; across ones fade as it becomes
+    vertical."""
     flat = velocity.x**2 + velocity.y**2
     speed = jnp.sqrt(flat + velocity.z**2 + 1e-12)
     along = Vec(velocity.x / speed, velocity.y / speed, velocity.z / speed)
@@ -138,6 +139,7 @@ class Parameter:
         by_ball: Standard deviation between balls, as a share of the number; 0: equal for all balls.
         fit_each_ball: Whether each ball gets its own number if balls are distinguished.
         percent: Whether reports of a fit show it in per cent.
+        below: What a value below `low` means, and what to make sure of before it is believed.
     """
 
     name: str
@@ -151,6 +153,7 @@ class Parameter:
     by_ball: float = 0.0
     fit_each_ball: bool = False
     percent: bool = False
+    below: str = "which physics seldom has"
 
 
 def amplitude(name: str, unit: str, low: float, high: float, *, sd: float, meaning: str, source: str, reason: str,
@@ -210,21 +213,21 @@ def either_way(text: str, scale: Shown = NUMBER, per: str = "", rate: bool = Fal
 
 
 def to_scale(scale: str, value: Any) -> Any:
-    """Of numbers or numpy arrays; linear: itself; log: its logarithm; left: -log(1 - value), of a share lost."""
+    """Convert numbers or numpy arrays; linear: unchanged; log: logarithm; left: -log(1 - value), of a lost share."""
     if scale == LOG:
         return np.log(value)
     return -np.log1p(-value) if scale == LEFT else value
 
 
 def from_scale(scale: str, number: Any) -> Any:
-    """The inverse of to_scale, of JAX arrays too."""
+    """Invert to_scale, also for JAX arrays."""
     if scale == LOG:
         return jnp.exp(number)
     return -jnp.expm1(-number) if scale == LEFT else number
 
 
 def fits_scale(scale: str, value: float) -> bool:
-    """Whether a value has a finite place on the scale."""
+    """Return whether a value has a finite place on the scale."""
     return value > 0.0 if scale == LOG else value < 1.0 or scale != LEFT
 
 
@@ -237,7 +240,7 @@ class Exit(NamedTuple):
     above_m: Any = 0.0                # of the rig's release height
 
     def take(self, rows: Any) -> "Exit":
-        """Those lanes; a number that all lanes share stays as it is."""
+        """Return those lanes; a number shared by all lanes stays unchanged."""
         return Exit(*(part if np.ndim(part) == 0 else part[rows] for part in self))
 
 
@@ -450,13 +453,13 @@ class HoodTerm(SensingTerm):
 
 
 class DistanceTerm(SensingTerm):
-    """The true distance is another than the measured one."""
+    """The true distance differs from the measured one."""
 
     direction = "along"
 
     @abstractmethod
     def distance_m(self, measured_m: Number, amount: Number) -> Number:
-        """The true distance in m; amount: the amplitude."""
+        """Return the true distance in m; amount: the amplitude."""
 
     def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
         return exit, self.distance_m(distance_m, values[self.amplitude.name])
@@ -486,12 +489,12 @@ class WindTerm(AirTerm):
 
 
 class ForceShareTerm(FlightTerm):
-    """The force of the term called `of` grows by a share of itself; without that term at work there is no change."""
+    """The force of the term called `of` grows by a share of itself; no change if that term is not active."""
 
     of: ClassVar[str]
 
     def share(self, rig: Rig, values: Values, ball: BallState) -> Number:
-        """The share by which it grows, the amplitude by itself; differentiable in values and state."""
+        """Return the share by which it grows, by default the amplitude; differentiable in values and state."""
         return values[self.amplitude.name]
 
     def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
@@ -509,12 +512,12 @@ class AirShareTerm(FlightTerm):
 
 
 def wind_speed(meaning: str) -> tuple[Parameter]:
-    """The parameter of a wind along one axis."""
+    """Return the parameter of a wind along one axis."""
     return amplitude("speed_m_s", "m/s", -10.0, 10.0, sd=0.8, meaning=meaning,
                      source="halls have draughts of 0.1 to 0.3 m/s, fields winds of 1 to 3 m/s",
                      reason="a hall's draught to a light breeze; more would be felt")
 
 
 def complete(term: Term, values: Values | None) -> dict[str, Any]:
-    """All parameters of a term, defaults where `values` has none."""
+    """Return all parameters of a term, with defaults where `values` has none."""
     return {p.name: (values or {}).get(p.name, p.default) for p in term.parameters}

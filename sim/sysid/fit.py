@@ -58,7 +58,7 @@ class Run:
 
 
 def find_runs(record: Record) -> list[Run]:
-    """Find the stretches of motion; a joint that stands still gives no information on sliding friction."""
+    """Find the stretches of motion; a stationary joint gives no information on sliding friction."""
     speed, t_s = record.speed_rad_s, record.speed_t_s
     slow = SLOW_SHARE * float(np.max(np.abs(speed), initial=0.0))
     signs = np.where(speed > slow, 1, np.where(speed < -slow, -1, 0))
@@ -75,7 +75,7 @@ def find_runs(record: Record) -> list[Run]:
 
 
 def cut(record: Record, runs: Sequence[Run]) -> list[Run]:
-    """The runs in about PIECES pieces; InputError when that is too little motion for a fit."""
+    """Return the runs in about PIECES pieces; InputError if there is too little motion for a fit."""
     t_s = record.speed_t_s
     moving_s = sum(t_s[run.last - 1] - t_s[run.first] for run in runs)
     length_s = min(max(moving_s / PIECES, SHORTEST_S), LONGEST_S)
@@ -92,7 +92,7 @@ def cut(record: Record, runs: Sequence[Run]) -> list[Run]:
 
 @dataclass(frozen=True)
 class Pieces:
-    """Pieces side by side; knots are where the effort changes, and padded at the end by knots of no length."""
+    """Pieces side by side; knots are where the effort changes, padded at the end with knots of zero length."""
 
     direction: Floats                 # [pieces]
     knot_s: Floats                    # [knots, pieces]
@@ -104,7 +104,7 @@ class Pieces:
 
 
 def lay_out(record: Record, runs: Sequence[Run]) -> Pieces:
-    """The pieces' knots reach MARGIN_S beyond their samples at both ends."""
+    """Lay out the pieces; their knots reach MARGIN_S beyond their samples at both ends."""
     knots, efforts = zip(*(_knots(record, run) for run in runs), strict=True)
     longest = max(map(len, knots))
     owner = np.concatenate([np.full(run.last - run.first, piece) for piece, run in enumerate(runs)])
@@ -137,7 +137,7 @@ def _early_speed(record: Record, run: Run) -> float:
 
 @dataclass(frozen=True)
 class Law:
-    """Which numbers the law has: friction for each direction that occurs, and windage or not."""
+    """The numbers in the law: friction for each direction that occurs, and windage or not."""
 
     directions: tuple[float, ...]
     windage: bool
@@ -148,7 +148,8 @@ class Law:
         return (*frictions, "kv", *(("kq",) if self.windage else ()), "ka", "delay_s")
 
     def unpack(self, values: Floats, direction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """(signed friction, kv, kq, ka) per set of `values` [..., numbers] and piece: [..., pieces] or [..., 1]."""
+        """Return (signed friction, kv, kq, ka) per set of `values` [..., numbers] and piece: [..., pieces] or [...,
+        1]."""
         count = len(self.directions)
         which = np.array([self.directions.index(float(one)) for one in direction])
         kq = values[..., count + 1, None] if self.windage else np.zeros_like(values[..., :1])
@@ -156,7 +157,7 @@ class Law:
 
 
 def simulate(law: Law, values: Floats, start_rad_s: Floats, pieces: Pieces) -> tuple[Floats, Floats, Floats]:
-    """Speeds at knots, and accelerations just after and just before each knot's interval ends.
+    """Return speeds at knots, and accelerations just after and just before each knot's interval ends.
 
     `values` [sets, numbers], `start_rad_s` [sets, pieces]; returns [knots, sets, pieces] of speed, and
     [knots - 1, sets, pieces] of acceleration at the beginning and at the end of each interval. Runge-Kutta of order 4.
@@ -181,7 +182,7 @@ def simulate(law: Law, values: Floats, start_rad_s: Floats, pieces: Pieces) -> t
 
 
 def expect(law: Law, values: Floats, start_rad_s: Floats, pieces: Pieces) -> Floats:
-    """The speeds that the samples should show, [sets, samples]: cubic between knots, read `delay` late."""
+    """Return the expected speeds of the samples, [sets, samples]: cubic between knots, read `delay` late."""
     speeds, begins, ends = simulate(law, values, start_rad_s, pieces)
     owner = pieces.owner
     expected = np.empty((len(values), len(owner)))
@@ -210,7 +211,8 @@ def _interval(pieces: Pieces, at_s: Floats) -> np.ndarray:
 
 def fit_least_squares(record: Record, law: Law, cuts: Sequence[Run],
                       guess: Floats | None = None) -> tuple[Floats, Floats]:
-    """(the law's numbers, every piece's starting speed) by Levenberg-Marquardt; InputError when it does not settle."""
+    """Fit (the law's numbers, every piece's starting speed) by Levenberg-Marquardt; InputError if it does not
+    converge."""
     pieces = lay_out(record, cuts)
     values = _first_guess(record, law, cuts) if guess is None else guess
     start = fit_start_speeds(law, values, pieces)
@@ -234,7 +236,7 @@ def fit_least_squares(record: Record, law: Law, cuts: Sequence[Run],
 
 
 def fit_start_speeds(law: Law, values: Floats, pieces: Pieces) -> Floats:
-    """Each piece's starting speed that fits best with the law as it is; the speed is all but linear in it."""
+    """Fit each piece's starting speed for a fixed law; the speed is nearly linear in it."""
     start = pieces.start_rad_s
     for _ in range(2):
         step = DIFFERENCE * (1.0 + np.abs(pieces.speed_rad_s).max())
@@ -245,7 +247,7 @@ def fit_start_speeds(law: Law, values: Floats, pieces: Pieces) -> Floats:
 
 
 def linearise(law: Law, values: Floats, start: Floats, pieces: Pieces) -> tuple[Floats, Floats]:
-    """Residuals [samples], and slopes of what is expected [samples, numbers + pieces]."""
+    """Return residuals [samples], and slopes of the expected speeds [samples, numbers + pieces]."""
     steps = DIFFERENCE * np.maximum(np.abs(values), 1e-6)
     steps[-1] = DIFFERENCE
     turn = DIFFERENCE * (1.0 + float(np.abs(pieces.speed_rad_s).max()))
@@ -259,11 +261,11 @@ def linearise(law: Law, values: Floats, start: Floats, pieces: Pieces) -> tuple[
 
 
 def jackknife_covariance(record: Record, law: Law, values: Floats, start: Floats, cuts: Sequence[Run]) -> Floats:
-    """Covariance of the law's numbers by the jackknife: each piece left out once, in one linear step.
+    """Return the covariance of the law's numbers by the jackknife: each piece omitted once, in one linear step.
 
-    Residuals of one piece may be as alike as they like; only pieces must be independent. No number is surer than it
-    would be if all residuals were: the jackknife of few pieces is at times too sure by chance. InputError when the
-    numbers cannot be told apart, or all that tells them is one piece.
+    Residuals within a piece may be correlated; only pieces must be independent. No number is more certain than it would
+    be if all residuals were independent, since the jackknife of few pieces is sometimes overconfident by chance.
+    InputError if the numbers cannot be separated, or only one piece separates them.
     """
     pieces = lay_out(record, cuts)
     residual, slopes = linearise(law, values, start, pieces)
@@ -363,10 +365,10 @@ class Number:
 
 @dataclass(frozen=True)
 class SysidFit:
-    """What one record says of one law.
+    """The fit of one law to one record.
 
     `forecast_rad_s` is for `rows` of the record: each run simulated from its start on efforts alone, by a fit without
-    the third of the pieces that the row is in. `r2` and `rms_rad_s` are of that.
+    the third of the pieces that contains the row. `r2` and `rms_rad_s` refer to that forecast.
     """
 
     record: Record
@@ -389,9 +391,9 @@ class SysidFit:
 
 
 def fit_motion(record: Record) -> SysidFit:
-    """Fit the straight law, or that with windage where it brings the error on unseen pieces below MAX_ERROR_RATIO.
+    """Fit the straight law, or the one with windage if it brings the error on unseen pieces below MAX_ERROR_RATIO.
 
-    InputError when the record holds too little motion to tell the numbers apart.
+    InputError if the record contains too little motion to separate the numbers.
     """
     straight, bent = fit_law(record, windage=False), fit_law(record, windage=True)
     return bent if bent.rms_rad_s < MAX_ERROR_RATIO * straight.rms_rad_s else straight
@@ -416,9 +418,9 @@ def fit_law(record: Record, windage: bool) -> SysidFit:
 
 
 def line(fit: SysidFit) -> tuple[Number, Number]:
-    """(ks, kv) of the straight line that comes nearest to the fitted friction, over the speeds that occurred.
+    """Return (ks, kv) of the straight line closest to the fitted friction, over the speeds that occurred.
 
-    Forwards; of a straight law its own numbers. Every speed counts alike, however long the wheel stayed there.
+    Forwards; for a straight law its own numbers. Every speed counts the same, however long the wheel stayed there.
     """
     speeds = np.abs(fit.record.speed_rad_s[fit.rows])
     grid = np.linspace(speeds.min(), speeds.max(), 100)

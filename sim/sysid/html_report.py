@@ -15,7 +15,7 @@ INK, LINE, BAND, MISS = "#1a1c20", "#1f5fa8", "#e8edf4", "#b3261e"
 
 
 def draw_fit(fit: SysidFit) -> Figure:
-    """Effort, speed (measured and forecast) and residual over time; shaded: every other piece."""
+    """Draw effort, speed (measured and forecast) and residual over time; shaded: every other piece."""
     record, rows = fit.record, fit.rows
     figure, (effort, speed, residual, spread) = new_panels(PHONE_IN, 8.0, 4, height_ratios=(0.8, 1.6, 1.1, 1.1))
     speed.sharex(effort)
@@ -43,7 +43,8 @@ def draw_fit(fit: SysidFit) -> Figure:
 
 def make_fit_page(title: str, fits: Mapping[str, SysidFit], gains: str, notes: Sequence[str],
                   origin: Origin = NO_ORIGIN) -> str:
-    """HTML: what to do with the gains and the fit's worth, the gains to paste (TOML), then pictures and the numbers."""
+    """Return HTML: what to do with the gains, the quality of the fit, the gains to paste (TOML), pictures and the
+    numbers."""
     worth = "; ".join(f"{joint} within {fit.rms_rad_s:.3g} rad/s (R^2 {fit.r2:.5f})" for joint, fit in fits.items())
     verdict = f"Paste these gains into launcher.toml. The fit forecasts unseen pieces: {worth}."
     sections = [("Gains", f"<pre>{html.escape(gains)}</pre>")]

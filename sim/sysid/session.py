@@ -39,7 +39,7 @@ class Driven:
 
 
 def load_driven(session: Path) -> Driven:
-    """Read a session; InputError when it was not made by `truearc sysid`."""
+    """Load a session; InputError if it was not made by `truearc sysid`."""
     if load_header(session).policy != POLICY:
         raise InputError(f"{session}: not a recording of `truearc sysid`")
     config = load_session_config(session)
@@ -117,7 +117,8 @@ def _slope(x: Floats, y: Floats) -> float:
 
 
 def load_steps(path: Path) -> Record:
-    """Columns t_s, one that ends in _V or _Nm (the effort, held until the next row), one in _rad_s; others are ignored.
+    """Load columns t_s, one that ends in _V or _Nm (the effort, held until the next row), one in _rad_s; others are
+    ignored.
 
     InputError names file, line and column.
     """

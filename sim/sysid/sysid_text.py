@@ -3,7 +3,7 @@
 Gains follow the SIMC rules (S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, J.
 Process Control 13 (2003) 291-309) with the closed-loop time constant equal to the dead time (tau_c = theta), for a
 first-order and a double-integrating process. Dead time is the sum of the measured delay, half a reading's age, half a
-tick for the held torque, and the filter of the derivative.
+tick for the held torque, and the delay of the derivative filter.
 """
 
 import math
@@ -36,7 +36,7 @@ class Gains:
 
 
 def flywheel_gains(fit: SysidFit, config: Config) -> Gains:
-    """Nm per rad/s: kp = ka / (2 theta), integral time min(ka / kv, 8 theta)."""
+    """Return gains in Nm per rad/s: kp = ka / (2 theta), integral time min(ka / kv, 8 theta)."""
     dead_s = _dead_s(fit, config)
     kp = fit.value("ka") / (2.0 * dead_s)
     kv = line(fit)[1].value
@@ -45,14 +45,15 @@ def flywheel_gains(fit: SysidFit, config: Config) -> Gains:
 
 
 def hood_gains(fit: SysidFit, config: Config) -> Gains:
-    """Nm per degree: proportional and derivative; the screw locks itself, so that nothing is left to integrate."""
+    """Return gains in Nm per degree, proportional and derivative; the screw is self-locking, so nothing is left to
+    integrate."""
     dead_s = _dead_s(fit, config) + config.hood.pid.derivative_tau_s
     kp = fit.value("ka") * fewest_rad_per_deg(config) / (4.0 * (2.0 * dead_s) ** 2)
     return Gains(kp, 0.0, kp * 8.0 * dead_s, dead_s)
 
 
 def fewest_rad_per_deg(config: Config) -> float:
-    """Motor turns (rad) that lift the hood by a degree, where that takes the fewest: there a loop is the sharpest."""
+    """Return the motor turns (rad) per degree of hood where they are fewest, and the loop is thus most sensitive."""
     hood = config.hood
     elevations = np.linspace(hood.low_deg, hood.high_deg, STEPS)
     lengths_m = np.array([screw_length_m(float(one), hood) for one in elevations])
@@ -66,7 +67,7 @@ def _dead_s(fit: SysidFit, config: Config) -> float:
 
 
 def say_fit(fit: SysidFit) -> list[str]:
-    """One line for each number, and one for what it is worth."""
+    """Return one line for each number, and one for the quality of the fit."""
     units = UNITS[fit.record.unit]
     named = {"v": {"kv": "back-EMF and friction by speed", "ka": "inertia, as voltage"}}.get(fit.record.unit, {})
     lines = [f"{fit.record.name}: {fit.moving_s:.1f} s of motion in {len(fit.runs)} "
@@ -79,14 +80,14 @@ def say_fit(fit: SysidFit) -> list[str]:
 
 
 def say_inertia(fit: SysidFit, motors: int) -> str:
-    """The inertia of all that the motors turn, at the motor's shaft; torque is known on each motor."""
+    """Report the inertia of everything that the motors turn, at the motor's shaft; torque is known for each motor."""
     number = fit.numbers["ka"]
     whole = Number("", number.value * motors, number.sd * motors)
     return f"  inertia of everything on the shaft: {whole.value:.5g} kg m2 {_interval(whole)} ({motors} motors)"
 
 
 def make_gains(fits: Mapping[str, SysidFit], config: Config | None) -> str:
-    """TOML: the keys that follow from the fits, to be pasted. Voltages have no place in launcher.toml."""
+    """Return TOML to paste: the keys that follow from the fits. Voltages have no place in launcher.toml."""
     parts = []
     for joint, fit in fits.items():
         if config is None:
@@ -99,7 +100,7 @@ def make_gains(fits: Mapping[str, SysidFit], config: Config | None) -> str:
 
 
 def make_fragment(title: str, fits: Mapping[str, SysidFit], config: Config | None, notes: Iterable[str]) -> str:
-    """TOML: the gains to paste, then as comments what was fitted, and from what."""
+    """Return TOML: the gains to paste, then as comments what was fitted, and from what."""
     parts = []
     for joint, fit in fits.items():
         parts += ["", *(f"# {text}" for text in say_fit(fit))]

@@ -52,13 +52,13 @@ class Motor(NamedTuple):
 
 
 def motor_of(free_speed_rad_s: float, stall_torque_nm: float, rated_v: float = 12.0) -> Motor:
-    """The motor that a data sheet describes by its free speed and stall torque at `rated_v`."""
+    """Return the motor with a data sheet's free speed and stall torque at `rated_v`."""
     kt_nm_a = rated_v / free_speed_rad_s
     return Motor(kt_nm_a, rated_v * kt_nm_a / stall_torque_nm)
 
 
 class Drawn(NamedTuple):
-    """A motor's torque and current, and the power that it takes from the supply."""
+    """A motor's torque and current, and the power that it draws from the supply."""
 
     torque_nm: float
     current_a: float
@@ -71,9 +71,10 @@ FEEDER = motor_of(free_speed_rad_s=1000.0, stall_torque_nm=0.7)
 
 
 def drive_motor(motor: Motor, asked_nm: float, speed_rad_s: float, bus_v: float, limit_a: float) -> Drawn:
-    """Torque that a current-controlled driver gets out of a motor: asked, unless voltage or current runs out.
+    """Return the torque of a current-controlled motor: as requested, unless voltage or current is insufficient.
 
-    The phase current lies within +-`limit_a` and within (+-bus_v - Kt w) / R. Braking power is burnt in the driver.
+    The phase current lies within +-`limit_a` and within (+-bus_v - Kt w) / R. Braking power is dissipated in the
+    driver.
     """
     kt, ohm = motor
     back_v = kt * speed_rad_s
@@ -118,20 +119,21 @@ class Belt:
         self.position_rad = 0.0
 
     def step(self, torque_nm: float, dt_s: float) -> None:
-        """Turn freely; windage is taken as linear within one step."""
+        """Turn freely; windage is linearised within one step."""
         viscous = VISCOUS_NM_S + WINDAGE_NM_S2 * abs(self.speed_rad_s)
         self.speed_rad_s, turned_rad = step_shaft(self.speed_rad_s, torque_nm, dt_s, self._inertia_kg_m2, viscous,
                                                   COULOMB_NM)
         self.position_rad += turned_rad
 
     def loss_nm(self) -> float:
-        """Friction torque at the present speed, against the motion; for the time that the nip turns the wheels."""
+        """Return the friction torque at the present speed, against the motion, for the time that the nip turns the
+        wheels."""
         speed = self.speed_rad_s
         coulomb_nm = COULOMB_NM * min(max(speed, -1.0), 1.0)
         return -(coulomb_nm + VISCOUS_NM_S * speed + WINDAGE_NM_S2 * abs(speed) * speed)
 
     def turn(self, speed_rad_s: float, dt_s: float) -> None:
-        """Take over the speed that the nip left."""
+        """Take over the speed after the nip."""
         self.position_rad += 0.5 * (self.speed_rad_s + speed_rad_s) * dt_s
         self.speed_rad_s = speed_rad_s
 
@@ -150,21 +152,21 @@ FLEX_FROM_RAD_S, FLEX_PER_RAD_S = 250.0, 100.0
 
 
 def screw_rad(elevation_deg: float) -> float:
-    """Screw angle at an elevation, 0 where the linkage would be folded flat; law of cosines."""
+    """Return the screw angle at an elevation, 0 where the linkage would be folded flat; law of cosines."""
     included_rad = math.radians(INCLUDED_DEG + elevation_deg)
     square = PIVOT_TO_MOTOR_M**2 + PIVOT_TO_NUT_M**2 - 2.0 * PIVOT_TO_MOTOR_M * PIVOT_TO_NUT_M * math.cos(included_rad)
     return math.sqrt(square) / LEAD_M * 2.0 * math.pi
 
 
 def elevation_deg(screw: float) -> float:
-    """Inverse of screw_rad."""
+    """Invert screw_rad."""
     side_m = screw / (2.0 * math.pi) * LEAD_M
     cosine = (PIVOT_TO_MOTOR_M**2 + PIVOT_TO_NUT_M**2 - side_m**2) / (2.0 * PIVOT_TO_MOTOR_M * PIVOT_TO_NUT_M)
     return math.degrees(math.acos(cosine)) - INCLUDED_DEG
 
 
 def flexed(wheel_rad_s: float) -> float:
-    """How far a hood that gives way does so at a speed of the lower wheel, in units of what it does per 100 rad/s."""
+    """Return how far a flexible hood bends at a speed of the lower wheel, in units of its bend per 100 rad/s."""
     return (wheel_rad_s - FLEX_FROM_RAD_S) / FLEX_PER_RAD_S
 
 
@@ -173,7 +175,7 @@ HIGH_RAD = screw_rad(HIGH_DEG)
 
 
 class Hood:
-    """Screw, nut with play, hood; the motor's own encoder counts from wherever it was switched on."""
+    """Screw, nut with play, hood; the motor's own encoder counts from its position at power-up."""
 
     def __init__(self, start_deg: float, options: Options) -> None:
         self._half_play_deg = 0.5 * options.hood_backlash_deg
@@ -185,12 +187,12 @@ class Hood:
 
     @property
     def position_rad(self) -> float:
-        """Motor angle since switch-on."""
+        """Motor angle since power-up."""
         return self._screw_rad - self._start_rad
 
     @property
     def encoder_rad(self) -> float:
-        """Elevation as the magnet on the hood's pivot shows it."""
+        """Elevation as read by the magnet on the hood's pivot."""
         return math.radians(self.elevation_deg + self._offset_deg)
 
     @property
@@ -198,7 +200,7 @@ class Hood:
         return self.elevation_deg <= LOW_DEG + SWITCH_DEG
 
     def step(self, torque_nm: float, dt_s: float) -> None:
-        """Turn the screw; the thread is self-locking, so nothing comes back from the hood; the stops take all."""
+        """Turn the screw; the thread is self-locking, so the hood does not drive it; the stops take any load."""
         if self.speed_rad_s == 0.0 and abs(torque_nm) <= HOOD_COULOMB_NM:
             return
         speed_rad_s, turned_rad = step_shaft(self.speed_rad_s, torque_nm, dt_s, SCREW_INERTIA_KG_M2, SCREW_VISCOUS_NM_S,

@@ -63,7 +63,7 @@ KEPT = 4                              # pictures the process remembers
 
 
 class TwinEyes:
-    """truearc.robot.eyes.Eyes on an emulated world; whoever owns the clock calls `step`."""
+    """truearc.robot.eyes.Eyes on an emulated world; the owner of the clock calls `step`."""
 
     def __init__(self, plant: Plant, config: Config, seed: int) -> None:
         # A new interpreter: forking one in which JAX runs threads may hang; spawning would run its main module again.
@@ -127,7 +127,7 @@ class TwinEyes:
 
 
 def look(ours: IO[bytes], theirs: IO[bytes]) -> None:
-    """The process, until its input ends: (time, view) -> sighting; (time, None) -> the picture of that time."""
+    """Run the process until its input ends: (time, view) -> sighting; (time, None) -> the picture of that time."""
     cv2.setNumThreads(1)
     stage = Stage(NOTHING)
     config, seed = pickle.load(ours)
@@ -173,7 +173,8 @@ STEP_NS = 2_000_000                   # the devices hear what came in, and the w
 
 
 def check_emulated(config: Config) -> Config:
-    """Return a configuration that can be emulated; InputError names the key of what cannot, before anything is made."""
+    """Return a configuration that can be emulated; InputError names the key that prevents it, before anything is
+    made."""
     make_motors(config)               # which refuses two axes that are one device
     if (count := len(config.axes.flywheels)) != FLYWHEELS:
         raise InputError(f"axes.flywheels: {count} motors; the emulated robot has {FLYWHEELS}, so state as many")
@@ -181,7 +182,7 @@ def check_emulated(config: Config) -> Config:
 
 
 def make_nodes(config: Config, world: Plant, watchdog_ms: int = WATCHDOG_MS) -> dict[str, Node]:
-    """Every emulated device on the bus of the configuration, by its name ("flywheel_a", ..., "hood_encoder")."""
+    """Return every emulated device on the configuration's bus, by name ("flywheel_a", ..., "hood_encoder")."""
     nodes: dict[str, Node] = {name: make_axis_node(axis, name, world, watchdog_ms)
                               for name, (_, axis) in zip(World.motors, name_axes(config), strict=True)}
     encoder = config.hood_encoder
@@ -190,7 +191,7 @@ def make_nodes(config: Config, world: Plant, watchdog_ms: int = WATCHDOG_MS) -> 
 
 
 def make_axis_node(axis: Axis, name: str, world: Plant, watchdog_ms: int) -> Node:
-    """The device of one axis, with the world's motor `name` on it; an advisory one receives no commands."""
+    """Return the device of one axis, with the world's motor `name` on it; an advisory one receives no commands."""
     motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL)
     attached = AttachedMotor(name, world, motor.kt_nm_a, motor.resistance_ohm, watchdog_ms,
                              world.hood_at_limit if name == "hood" else None)
@@ -201,7 +202,7 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
             gate_path: Path | None = None, progress: Progress = lambda done, note: None,
             page: Screen | None = None, nodes_of: MakeNodes = make_nodes,
             eyes_of: MakeEyes = TwinEyes, aim_path: Path | None = None) -> list[BallResult]:
-    """Record trials, as truearc.api.emulation.emulate describes; the true result of each ball.
+    """Record trials, as truearc.api.emulation.emulate describes; return the true result of each ball.
 
     `nodes_of` makes the emulated devices, `eyes_of` the camera.
     """
@@ -272,13 +273,13 @@ def emulated_rig(config: Config, world: World, nodes: Mapping[str, Node], box: B
 
 
 class Pace:
-    """World time begins at 0 when this is made."""
+    """Real-time pacing; world time begins at 0 when this is made."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock, self._began_ns = clock, clock.now_ns()
 
     def wait_until(self, t_ns: int) -> None:
-        """Return when it is `t_ns` in the world, at once where that is past."""
+        """Return when the world's time is `t_ns`, at once if that is past."""
         behind_ns = self._clock.now_ns() - (self._began_ns + t_ns)
         if behind_ns > LATE_NS:
             self._began_ns += behind_ns
@@ -287,7 +288,8 @@ class Pace:
 
 def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, trials: int, seed: int,
           options: Options | None, say: Callable[[str], None]) -> list[BallResult]:
-    """Let a robot in another process shoot `trials` balls; returns the world's record of each. `say` gets its command.
+    """Let a robot in another process shoot `trials` balls; return the world's record of each. `say` gets its
+    command.
 
     The driver begins when the robot is first heard on the bus. `watchdog_ms`: of the motor drivers.
     """
@@ -322,7 +324,8 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
 
 
 def open_device_bus(name: str, config: Config, clock: Clock) -> tuple[CanBus | SlcanAdapter, str]:
-    """The devices' end of the bus called `name`, and what the robot is to open; InputError when there is none.
+    """Open the devices' end of the bus called `name`; also return what the robot must open. InputError if there is
+    none.
 
     slcan:auto is an adapter on a pseudo-terminal, or on a socket where the system has none; slcan:socket always that.
     """
@@ -339,7 +342,7 @@ def open_device_bus(name: str, config: Config, clock: Clock) -> tuple[CanBus | S
 
 
 def keep_time(clock: Clock, advance: Callable[[int], None], over: Callable[[], bool]) -> None:
-    """Bring a world from 0 on with the clock, in steps, until `over`."""
+    """Advance a world from 0 with the clock, in steps, until `over`."""
     pace, t_ns = Pace(clock), 0
     while not over():
         t_ns += STEP_NS
@@ -348,7 +351,7 @@ def keep_time(clock: Clock, advance: Callable[[int], None], over: Callable[[], b
 
 
 class CameraServer:
-    """A camera whose pictures are drawn by a thread of its own, when one is due, and seen at `url`."""
+    """A camera whose pictures are drawn by a separate thread when due, and served at `url`."""
 
     def __init__(self, camera: CameraConfig, tape: Tape, seed: int, look: Callable[[], View]) -> None:
         self._server = PictureServer()
@@ -389,7 +392,7 @@ MAX_TRIALS_AT_A_STOP = 3
 
 
 class Driver:
-    """Sees only the world, never the robot's mind; call step() once a tick until `done`.
+    """An emulated driver, who sees only the world, not the robot's state; call step() once a tick until `done`.
 
     Distances are a golden-ratio sequence over `distances` (metres, exit point to target plane), one to three trials at
     each stop, times `repeats`, so that a configuration is shot from one place; or, where `places` are given, each of
@@ -481,6 +484,6 @@ class Driver:
 
 
 def make_driver(config: Config, world: World, press: Callable[[str], None], trials: int, seed: int) -> Driver:
-    """A driver who shoots what the configuration prescribes, if it does, and waits as long as the robot tries."""
+    """Return a driver who shoots any prescribed configurations, and waits as long as the robot tries."""
     return Driver(world, press, trials, seed, patience_s=config.gate.request_s + 0.5, repeats=config.collect.repeats,
                   places=[row.distance_m for row in config.collect.prescribed])

@@ -30,7 +30,7 @@ HEADING_DEG = 0.3                 # at most, off the line to the target's centre
 
 
 class BallResult(NamedTuple):
-    """All there is to know of one shot; the robot never sees it, the driver only sees `outcome`.
+    """Everything known of one shot; the robot never sees it, the driver only sees `outcome`.
 
     Speed, elevation and spin (backspin positive) are those on leaving the wheels, relative to the robot; `y_m` is left
     of the target's centre and `z_m` above the floor where the ball's centre crossed the plane, None if it never did.
@@ -54,7 +54,7 @@ class BallResult(NamedTuple):
 
 
 def classify(y_m: float | None, z_m: float | None) -> str:
-    """What someone beside the goal would call it.
+    """Return the outcome as a person beside the goal would call it.
 
     "three" within a circle about the centre; "two" inside the regular hexagon that stands on a flat side (its half
     height is the apothem); else a miss by the sign of the height error; a ball that never crossed is "miss-low". A
@@ -102,7 +102,7 @@ class Chassis:
         self._pose = None
 
     def step(self, dt_s: float) -> None:
-        """Trapezoid in speed: never faster than what still stops at the goal."""
+        """Drive with a trapezoidal speed profile, never too fast to stop at the goal."""
         if not self.moving:
             return
         left_m = self._goal_m - self.distance_m
@@ -135,7 +135,7 @@ class Chassis:
 
 
 def look(pose: Pose, options: Options) -> View:
-    """Camera axes from target axes (see View): both placed in the field, the camera on the robot's heading."""
+    """Return camera axes from target axes (see View): both placed in the field, the camera on the robot's heading."""
     cos_h, sin_h = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     pitch_rad = math.radians(options.camera_pitch_deg + options.camera_pitch_error_deg)
     forward = np.array([cos_h * math.cos(pitch_rad), sin_h * math.cos(pitch_rad), math.sin(pitch_rad)])
@@ -158,7 +158,7 @@ BLUNT = 1                         # the drag coefficient's place in MuJoCo's geo
 
 
 def from_exit_point(released: Released, elevation_rad: float, options: Options) -> Released:
-    """From the nip's axes to the launcher's."""
+    """Convert the nip's axes to the launcher's."""
     offset_m = rotate_from_launch(released.position_m - np.array([TOUCH_X_M, 0.0, 0.0]), elevation_rad)
     offset_m[2] += EXIT_HEIGHT_M + options.release_height_error_m
     if options.release_arc:
@@ -169,7 +169,7 @@ def from_exit_point(released: Released, elevation_rad: float, options: Options) 
 
 
 def in_field(ball: Released, pose: Pose, robot_m_s: float) -> Released:
-    """From the launcher's axes to the field's, for a robot backing away at `robot_m_s`."""
+    """Convert the launcher's axes to the field's, for a robot backing away at `robot_m_s`."""
     cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     velocity_m_s = turn @ ball.velocity_m_s
@@ -188,7 +188,7 @@ class Arrival(NamedTuple):
 class Flight:
     """One ball in flight; `data` is MuJoCo's: time in s since the ball left, position and velocity in the field.
 
-    `record` has everything of the shot but the arrival. Wind and drag are held for FLIGHT_STEP_S at a time.
+    `record` has everything about the shot except the arrival. Wind and drag are constant for FLIGHT_STEP_S at a time.
     """
 
     def __init__(self, ball: Ball, options: Options, start: Released, record: BallResult | None = None) -> None:
@@ -203,7 +203,7 @@ class Flight:
         self.arrival: Arrival | None = None
 
     def step(self, dt_s: float) -> None:
-        """Fly on for dt_s in whole steps; what is short of one is flown next time. Nothing once arrived."""
+        """Fly on for dt_s in whole steps; any remainder is flown next time. Does nothing after arrival."""
         if self.arrival is not None:
             return
         model, data = self._model, self.data
@@ -218,7 +218,7 @@ class Flight:
                 return
 
     def result(self) -> BallResult | None:
-        """The record of a ball that has arrived."""
+        """Return the record of a ball that has arrived."""
         record, arrival = self._record, self.arrival
         if record is None or arrival is None:
             return None

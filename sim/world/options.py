@@ -18,7 +18,7 @@ Within20 = Annotated[float, Meta(ge=-20.0, le=20.0)]
 
 
 class Options(Struct, frozen=True, forbid_unknown_fields=True):
-    """All options of a world; `Options()` is the rig as its drawings say, with ordinary scatter."""
+    """All options of a world; `Options()` is the rig as drawn, with ordinary scatter."""
 
     # air
     wind_x_m_s: Within20 = 0.0                   # along the field towards the target (a tail wind is positive)
@@ -78,7 +78,7 @@ class Options(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def load_options(path: str | Path | None) -> Options:
-    """Read world.toml; None = every option at its default.
+    """Load world.toml; None = every option at its default.
 
     Raises InputError that names file, line and key.
     """

@@ -49,7 +49,7 @@ TOUCH_X_M = math.sqrt((RADIUS_M + LOWER_RADIUS_M) ** 2 - LOWER_Z_M**2)    # wher
 
 
 class Ball(NamedTuple):
-    """One ball as it is for one shot."""
+    """One ball, as it is for one shot."""
 
     ball_id: str
     mass_kg: float
@@ -62,7 +62,7 @@ class Ball(NamedTuple):
 
 
 class Rack:
-    """Balls come in a shuffled order, all of them before any comes again; each wears as it is used."""
+    """Balls in shuffled order, each used once before any is used again; each wears with use."""
 
     def __init__(self, seed: int, options: Options) -> None:
         self._seed = seed
@@ -72,7 +72,7 @@ class Rack:
         self._used = [0] * RACK
 
     def ball(self, shot: int) -> Ball:
-        """The ball that shot number `shot` (from 0) will be, as worn as it is now."""
+        """Return the ball of shot number `shot` (from 0), with its present wear."""
         number = self._number(shot)
         options = self._options
         mass, radius, stiffness = self._draws[number]
@@ -95,7 +95,7 @@ class Rack:
         )
 
     def use(self, shot: int) -> None:
-        """The ball of that shot has gone through the wheels."""
+        """Note that the ball of that shot has gone through the wheels."""
         self._used[self._number(shot)] += 1
 
     def _number(self, shot: int) -> int:
@@ -103,12 +103,12 @@ class Rack:
 
 
 def air_density_kg_m3(options: Options) -> float:
-    """Density at the option's temperature, at the same pressure."""
+    """Return the density at the option's temperature, at the same pressure."""
     return options.air_density_kg_m3 * 293.15 / (273.15 + options.temperature_c)
 
 
 def make_nip(ball: Ball, options: Options, gravity_m_s2: np.ndarray, wind_m_s: np.ndarray) -> mujoco.MjModel:
-    """The launcher's wheels and one ball, in the nip's own axes (gravity and wind are given in those).
+    """Return the launcher's wheels and one ball, in the nip's own axes (also used for gravity and wind).
 
     Joints in order: lower and upper wheel (positive drives the ball out), then the ball's six. A contact is a spring
     of the foam's stiffness in N/m: with direct solref (-k, -b) and small impedance d MuJoCo gives the force
@@ -125,7 +125,7 @@ def make_nip(ball: Ball, options: Options, gravity_m_s2: np.ndarray, wind_m_s: n
 
 
 def make_flight(ball: Ball, options: Options) -> mujoco.MjModel:
-    """One ball in the air, in field axes: x towards the target, y left, z up."""
+    """Return one ball in the air, in field axes: x towards the target, y left, z up."""
     wind_m_s = np.array([options.wind_x_m_s, options.wind_y_m_s, options.wind_z_m_s])
     xml = _scene("flight.xml").format(step=FLIGHT_STEP_S, ball=_ball(ball, options))
     return _compiled(xml, options, np.array([0.0, 0.0, -GRAVITY_M_S2]), wind_m_s)
@@ -187,7 +187,7 @@ class Feeder:
         return self.speed_rad_s * ROLLER_M
 
     def step(self, torque_nm: float, dt_s: float) -> float | None:
-        """Turn for dt_s; when the ball reaches the wheels, the part of dt_s that was left then, else None."""
+        """Turn for dt_s; return the part of dt_s left when the ball reaches the wheels, else None."""
         self.speed_rad_s, turned_rad = step_shaft(self.speed_rad_s, torque_nm, dt_s, INERTIA_KG_M2, VISCOUS_NM_S,
                                                   COULOMB_NM)
         self.position_rad += turned_rad
@@ -206,22 +206,22 @@ class Feeder:
         return min(left_s, dt_s)
 
     def pull_n(self, x_m: float, velocity_m_s: float) -> float:
-        """Force along the launch direction on a ball in the nip."""
+        """Return the force along the launch direction on a ball in the nip."""
         if x_m > -REACH_M:
             return 0.0
         return min(max(GRIP_N_S_M * (self.surface_m_s - velocity_m_s), -PULL_N), PULL_N)
 
     def expect_ball(self) -> None:
-        """The ball has left: the hopper sends the next one."""
+        """Note that the ball has left: the hopper sends the next one."""
         self._reload_s = RELOAD_S
 
     def take_back(self, x_m: float) -> None:
-        """The wheels threw the ball back into the chute."""
+        """Note that the wheels threw the ball back into the chute."""
         self.ball_x_m = max(min(x_m, START_X_M - 1e-4), WAIT_X_M)
 
 
 class Released(NamedTuple):
-    """A ball's state as it leaves, in the axes of whoever says so."""
+    """A ball's state as it leaves, in the caller's axes."""
 
     position_m: np.ndarray
     velocity_m_s: np.ndarray
@@ -229,13 +229,13 @@ class Released(NamedTuple):
 
 
 def rotate_from_launch(vector: np.ndarray, elevation_rad: float) -> np.ndarray:
-    """From the nip's axes (x along the launch, z across the gap) to x horizontal, z up."""
+    """Rotate from the nip's axes (x along the launch, z across the gap) to x horizontal, z up."""
     cos, sin = math.cos(elevation_rad), math.sin(elevation_rad)
     return np.array([cos * vector[0] - sin * vector[2], vector[1], sin * vector[0] + cos * vector[2]])
 
 
 class Nip:
-    """Wheels and ball while they touch; `wheel_rad_s` is the lower wheel's, which is the motors'."""
+    """Wheels and ball during contact; `wheel_rad_s` is the lower wheel's, which is the motors'."""
 
     def __init__(self, ball: Ball, options: Options, elevation_rad: float, wheel_rad_s: float, feed_m_s: float,
                  step_s: float = NIP_STEP_S) -> None:
@@ -263,7 +263,8 @@ class Nip:
         return float(self._data.qpos[2])
 
     def step(self, torque_nm: float, feeder: Feeder, dt_s: float) -> float:
-        """Advance by dt_s or until the ball is gone; the part of dt_s that is left (0 while it is still here)."""
+        """Advance by dt_s or until the ball has left; return the part of dt_s that is left (0 while it is still
+        here)."""
         model, data = self._model, self._data
         steps = max(1, round(dt_s / self._step_s))
         model.opt.timestep = dt_s / steps

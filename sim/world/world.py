@@ -35,11 +35,11 @@ _STILL = Drawn(0.0, 0.0, 0.0)
 
 
 class World:
-    """A Plant. Same seed, options and torque history: the same bits.
+    """A Plant. The same seed, options and torque history give the same bits.
 
-    `results` lists every ball that has arrived, `flying` those in the air, oldest first. `chassis` is where the robot
-    stands and how it drives; `belt` (lower wheel and motors) and `hood` are parts of the launcher. Only the driver,
-    tests and benches may look at them.
+    `results` lists every ball that has arrived, `flying` those in the air, oldest first. `chassis` is the robot's
+    position and motion; `belt` (lower wheel and motors) and `hood` are parts of the launcher. Only the driver, tests
+    and benches may use them.
     """
 
     motors = tuple(_MOTORS)
@@ -79,7 +79,7 @@ class World:
             self._t_ns = until_ns
 
     def motor(self, name: str) -> MotorTruth:
-        """The motor's own view of itself, from switch-on; raises KeyError."""
+        """Return the motor's state as it sees itself, from power-up; raises KeyError."""
         drawn = self._drawn[name]
         position_rad, speed_rad_s = self._shaft(name)
         scale = self._options.encoder_scale if _MOTORS[name] is FLYWHEEL else 1.0
@@ -95,7 +95,7 @@ class World:
         return self.hood.at_limit
 
     def view(self) -> View:
-        """The tape as the camera sees it from where the robot stands now."""
+        """Return the tape as the camera sees it from the robot's present position."""
         pose = self.chassis.pose()
         if self._view is None or self._view[0] != pose:
             self._view = (pose, look(pose, self._options))
@@ -105,7 +105,7 @@ class World:
 
     @property
     def ball_on_its_way(self) -> bool:
-        """A ball is between the wheels or in the air."""
+        """Whether a ball is between the wheels or in the air."""
         return self._nip is not None or bool(self.flying)
 
     # --- one step
@@ -208,7 +208,7 @@ class Sample(NamedTuple):
 
 
 class NotReady(TimeoutError):
-    """The robot does not get to the set points; no ball was fed."""
+    """The robot does not reach the set points; no ball was fed."""
 
 
 class Bench:
@@ -225,7 +225,7 @@ class Bench:
 
     def fire(self, wheel_rad_s: float, hood_deg: float, shots: int, longest_s: float = 120.0,
              ready_s: float = 120.0) -> list[BallResult]:
-        """Hold both set points, feed that many balls one at a time, and wait until they have arrived.
+        """Hold both set points, feed this many balls one at a time, and wait until they have arrived.
 
         Raises NotReady if the set points are not reached within ready_s, TimeoutError if balls do not arrive.
         """
@@ -245,7 +245,7 @@ class Bench:
         return world.results[had:]
 
     def tick(self, wheel_rad_s: float, hood_deg: float, feeder_nm: float = 0.0) -> None:
-        """One control period towards the set points."""
+        """Run one control period towards the set points."""
         world = self.world
         wheel_nm, wheel_off = self._wheels(wheel_rad_s)
         hood_nm, hood_off = self._hood(hood_deg)
@@ -276,7 +276,7 @@ READY_S = 10.0                        # then a driver gives a shot up: the batte
 
 
 class ShotSetting(NamedTuple):
-    """One configuration as the robot would ask for it: elevation by its encoder, motor speed / free speed."""
+    """One configuration as the robot would request it: elevation by its encoder, motor speed / free speed."""
 
     distance_m: float
     hood_deg: float
@@ -284,7 +284,7 @@ class ShotSetting(NamedTuple):
 
 
 class Sensors(NamedTuple):
-    """Standard deviations of what is read from shot to shot."""
+    """Standard deviations of the readings from shot to shot."""
 
     distance_m: float = 0.03
     hood_deg: float = 0.05
@@ -295,7 +295,7 @@ ORDINARY = Sensors()
 
 
 class Trial(NamedTuple):
-    """One shot: what was read before it, when (s), what became of it, telemetry and track around it."""
+    """One shot: the readings before it, its time (s) and result, telemetry and track around it."""
 
     read: dict[str, float]
     result: BallResult
@@ -323,7 +323,7 @@ def play_season(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSe
 
 def shoot(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSetting], sensors: Sensors,
           rng: np.random.Generator, progress: Progress, watch: Watch = lambda world: None) -> list[Trial]:
-    """Shoot the settings; rng: of the readings; watch: for tracks. TimeoutError where the robot gets ready for none."""
+    """Shoot the settings; rng: of the readings; watch: for tracks. TimeoutError if the robot gets ready for none."""
     bench = Bench(World(seed, options, settings[0].distance_m), watch)
     trials: list[Trial] = []
     for number, setting in enumerate(settings):
@@ -337,7 +337,7 @@ def shoot(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSetting]
 
 
 def season_of(rig: Rig, seed: int, trials: Sequence[Trial], level: str, marks: Sequence[tuple[str, str]]) -> Season:
-    """The season of trials with their marks (outcome, side); of a level other than "L0" with telemetry."""
+    """Return the season of trials with their marks (outcome, side); with telemetry at levels other than "L0"."""
     rows = [(shot, *row) for shot, trial in enumerate(trials) for row in trial.traces]
     dataset = Dataset(f"world-{seed}", rig, _shots(trials, level, marks), None,
                       Traces.of(rows) if level != "L0" else None)
@@ -375,7 +375,7 @@ def _shoot(bench: Bench, rig: Rig, options: Options, setting: ShotSetting, befor
 
 
 def seen_distance_m(distance_m: float, options: Options) -> float:
-    """Through a lens of another focal length everything is nearer by its share, from the lens on."""
+    """Return the measured distance: with a wrong focal length every distance from the lens is scaled by a share."""
     return (distance_m + options.camera_behind_exit_m) / options.camera_focal_scale - options.camera_behind_exit_m
 
 

@@ -62,11 +62,12 @@ def test_check_says_what_filled_in_shots_could_show(made: Path, capsys: pytest.C
 
 def test_check_names_settings_that_no_shot_states(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copy(SHOTS / "rig.toml", made)
-    (made / "shots.csv").write_text("shot_id,outcome\n1,two\n2,miss\n")
+    (made / "shots.csv").write_text("shot_id,outcome\n1,two\n2,two\n")
     assert main(["check", "week", "--quiet"]) == 0
     said = capsys.readouterr().out
     assert "hood_deg or exit_deg: no shot states its elevation" in said and "no shot states its result" not in said
     assert all(f"no shot states its {what}" in said for what in ("distance to the target", "speed"))
+    assert "\nnote: only makes: nothing can be learnt about misses; " in said
 
 
 def test_a_folder_without_a_rig_is_told_of_init(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -143,7 +143,7 @@ def test_a_recording_replays_to_the_bit(session: str, listed: str, request: pyte
 @pytest.mark.parametrize(("words", "said"), [
     ("doctor --config {launcher}", "{launcher}: [nt4]: needs truearc-frc: pip install ./frc"),
     ("advise --nt 254", "truearc advise: needs truearc-frc: pip install ./frc"),
-    ("import wpilog {log} --guess --rig {launcher} -o {out}", "wpilog: needs truearc-frc: pip install ./frc"),
+    ("import wpilog {log} --guess --rig rig.toml -o {out}", "wpilog: needs truearc-frc: pip install ./frc"),
     ("session convert {session} --to wpilog -o {out}", "--to wpilog: needs truearc-frc: pip install ./frc"),
 ], ids=["table", "advise", "import", "convert"])
 def test_what_needs_it_says_so(words: str, said: str, launched: Path, tmp_path: Path) -> None:

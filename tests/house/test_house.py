@@ -28,6 +28,7 @@ def test_ruff():
     run(sys.executable, "-m", "ruff", "check", ".")
 
 
+@pytest.mark.slow    # a minute where nothing is cached; pre-commit and `make test-long` run it
 def test_mypy():
     assert (ROOT / "build" / "view" / "truearc").is_dir(), "run `make setup`, which makes build/view for mypy"
     run(sys.executable, "-m", "mypy")

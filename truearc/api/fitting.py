@@ -68,6 +68,7 @@ class Fit(Printed):
     def lines(self) -> list[str]:
         """Return the report: data used, aliased parameters, estimates, scatter, hold-out score."""
         return [*(f"warning: {line}" for line in self.dataset.accepted),
+                *(f"note: {line}" for line in self.dataset.notes()),
                 *fit_lines(self.solution, self.intervals, self.holdout)]
 
     def _provenance(self) -> dict[str, Any]:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 FORMATS = ("text", "csv", "json", "java", "cpp", "java-6328", "java-254", "csv-2928", "json-3476")
 MOST = 1000                           # distances
 UNIT = re.compile(r"(.*[\d.]) ?([a-z]+)")
+RANGE = re.compile(r"([\d.]*\d) *(?:-|–|to|\.\.) *(\d[\d.]*) ?([a-z]*)")
 
 
 def aim_options(parser: argparse.ArgumentParser) -> None:
@@ -56,10 +57,11 @@ def aim_options(parser: argparse.ArgumentParser) -> None:
 
 
 def aim(args: argparse.Namespace) -> int:
-    """Find the hood angle and motor speed that score most at each distance, by a belief.
+    """Find the hood angle and motor speed that score most at each distance, under a belief.
 
-    Probabilities hold the scatter from shot to shot, the sensors' noise (rig.toml [noise]) and the belief's covariance.
-    The last columns of the table say how many points an error of distance, hood angle or motor speed costs.
+    Probabilities include the scatter from shot to shot, the sensors' noise (rig.toml [noise]) and the belief's
+    covariance. The last columns of the table give the points that an error of distance, hood angle or motor speed
+    costs.
     """
     from truearc.sim.compute import keep_compiled
     keep_compiled()
@@ -100,13 +102,17 @@ def _numbers(text: str, separator: str) -> tuple[float, ...]:
 
 
 class Distances(tuple[float, ...]):
-    """Distances in m; `unit`: in which they were stated, and are printed."""
+    """Distances in m; `unit`: the unit in which they were given and are printed."""
 
     unit = "m"
 
 
 def parse_distances(text: str) -> Distances:
-    """Distances of a list or of LOW:HIGH:STEP; a length's unit may follow the last number."""
+    """Parse distances from a list or from LOW:HIGH:STEP; a unit of length may follow the last number."""
+    if ends := RANGE.fullmatch(text):
+        low, high = float(ends[1]), float(ends[2])
+        raise argparse.ArgumentTypeError(f"got {text!r}; from {low:g} to {high:g} is --distances "
+                                         f"{low:g}:{high:g}:{max(high - low, 0.6) / 6.0:.1g}{ends[3]}, with the step")
     stated = UNIT.fullmatch(text)
     if stated is None:
         return Distances(_listed_or_stepped(text))
@@ -171,12 +177,12 @@ def follow_options(parser: argparse.ArgumentParser) -> None:
 
 
 def follow(args: argparse.Namespace) -> int:
-    """Watch the shots since a belief, and propose another belief with its aim where something has changed.
+    """Watch the shots since a belief, and propose another belief with its aim if something has changed.
 
     Sessions that are being recorded, or dataset folders that grow, are read again after each marked shot. However often
-    that is done, the probability of an alarm is at most --false-alarm if nothing changes. After an alarm the shots
-    since the change are put to discovery, and the proposal is printed and written to --out. Nothing on a robot is
-    changed by it. End with Ctrl-C.
+    that happens, the probability of an alarm is at most --false-alarm if nothing changes. After an alarm, discovery
+    runs on the shots since the change, and the proposal is printed and written to --out. It changes nothing on a robot.
+    End with Ctrl-C.
     """
     check_chances(args.false_alarm, args.seed, ("--false-alarm", "--seed"))
     if args.send is None:
@@ -200,7 +206,7 @@ def follow(args: argparse.Namespace) -> int:
 
 @dataclass
 class ShotWatch:
-    """The shots of some folders, looked at again and again.
+    """The shots of some folders, read repeatedly.
 
     seen: sizes and times of the files at the last look; tried: shots at the last discovery; said: the last message.
     """
@@ -213,7 +219,7 @@ class ShotWatch:
     said: str = ""
 
     def look_if_grown(self) -> None:
-        """Look, if a file has changed since; folders without a marked shot yet are waited for."""
+        """Look if a file has changed since; wait for folders without a marked shot."""
         now = _stamp(self.args.paths)
         if now == self.seen:
             return
@@ -226,7 +232,7 @@ class ShotWatch:
             self.said = str(error)
 
     def look(self) -> None:
-        """Test all shots; after an alarm find and propose."""
+        """Test all shots; after an alarm run discovery and propose."""
         dataset = read_shots(self.args.paths)
         rig = dataset.rig if self.rig is None else self.rig
         check_rig(rig, dataset, self.args.rig)
@@ -278,7 +284,7 @@ class ShotWatch:
 
 
 def send_aim(url: str, token: Path, path: Path) -> None:
-    """Put an aim file into the inbox of the robot whose page has that address.
+    """Put an aim file into the inbox of the robot whose page has this address.
 
     Raises:
         InputError: the token cannot be read, the page does not answer, or it refuses; with its reason.
@@ -297,7 +303,7 @@ def send_aim(url: str, token: Path, path: Path) -> None:
 
 
 def read_shots(paths: Sequence[Path]) -> "ta.Dataset":
-    """The shots of sessions, or of datasets, one after another.
+    """Read the shots of sessions, or of datasets, one after another.
 
     Raises:
         InputError: both kinds at once, two rigs, a shot_id twice, or no marked shot.
@@ -319,7 +325,7 @@ def read_shots(paths: Sequence[Path]) -> "ta.Dataset":
 
 
 def check_rig(rig: "ta.Rig", dataset: "ta.Dataset", name: str | None) -> None:
-    """InputError unless ball, launcher and target are those of the shots."""
+    """Raise InputError unless ball, launcher and target are those of the shots."""
     for part in ("ball", "launcher", "target"):
         if getattr(rig, part) != getattr(dataset.rig, part):
             raise ta.InputError(f"{name}: {part} differs from that of {dataset.name}: a belief is of one rig")

@@ -56,7 +56,7 @@ def number(kind: type[Number], low: float = -math.inf, high: float = math.inf) -
 
 
 def listed(kind: Callable[[str], Kind]) -> Callable[[str], tuple[Kind, ...]]:
-    """Return the `type=` of an option that takes a comma-separated list, at least one long."""
+    """Return the `type=` of an option that takes a comma-separated list of at least one item."""
     def parse(text: str) -> tuple[Kind, ...]:
         words = [word.strip() for word in text.split(",") if word.strip()]
         if not words:
@@ -69,10 +69,10 @@ def listed(kind: Callable[[str], Kind]) -> Callable[[str], tuple[Kind, ...]]:
 
 
 def write_out(path: str | Path | None, text: str) -> None:
-    """Write UTF-8 text as it is; nothing where there is no path.
+    """Write UTF-8 text unchanged; do nothing without a path.
 
     Raises:
-        OSError: the file cannot be written; the command line says so. Then what was there is left.
+        OSError: the file cannot be written, which the command line reports. An existing file is then left unchanged.
     """
     if path is not None:
         save_whole(path, text.encode())
@@ -85,13 +85,13 @@ def origin_of(args: argparse.Namespace) -> "Origin":
 
 
 def add_accept(parser: argparse.ArgumentParser) -> None:
-    """Option that overrides a plausibility check by its name."""
+    """Add the option that overrides a plausibility check by name."""
     parser.add_argument("--accept", action="append", default=[], metavar="CHECK", help="use the data although this "
                         "plausibility check objects; it is recorded; may be repeated")
 
 
 def print_or_write(path: Path | None, text: str) -> None:
-    """Write text to standard output, or to a file where one is named."""
+    """Write text to standard output, or to a file if one is named."""
     if path is None:
         sys.stdout.write(text if text.endswith("\n") else f"{text}\n")
     else:
@@ -99,7 +99,7 @@ def print_or_write(path: Path | None, text: str) -> None:
 
 
 def fixed(value: float | None, digits: int) -> str:
-    """A cell with this number of decimals; empty for None."""
+    """Return a cell with this number of decimals; empty for None."""
     return "" if value is None else f"{value:.{digits}f}"
 
 
@@ -161,7 +161,7 @@ def make_progress(what: str, quiet: bool = False) -> Progress:
 
 
 def load_any_rig(path: str) -> Rig:
-    """The rig of a rig.toml, or of a launcher.toml, which has it in a table [rig]."""
+    """Load the rig of a rig.toml, or of a launcher.toml, which has it in a table [rig]."""
     try:
         is_launcher = "rig" in parse_table(load_text(path), path)
     except InputError:
@@ -177,7 +177,7 @@ def load_any_rig(path: str) -> Rig:
 
 
 def load_camera(name: str | None) -> CameraFile:
-    """The camera, tape and vision sections of a file, of a packaged camera, or of the packaged launcher.toml."""
+    """Load the camera, tape and vision sections of a file, of a packaged camera, or of the packaged launcher.toml."""
     path = SHIPPED if name is None else Path(name)
     if name in packaged_cameras():
         path = CAMERAS / f"{name}.toml"
@@ -195,7 +195,7 @@ def packaged_cameras() -> list[str]:
 
 
 def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> dict[str, float]:
-    """File name -> distance, from the first of these columns that is there; rows without a distance are left out."""
+    """Load file name -> distance, from the first of these columns that exists; rows without a distance are omitted."""
     labels: dict[str, float] = {}
     with naming(path):
         rows = csv.DictReader(io.StringIO(load_text(path).removeprefix("\ufeff"), newline=""))
@@ -221,7 +221,7 @@ ADVICE = "name another, or replace it with --force"
 
 
 def out_file(text: str) -> Path:
-    """Return the path of a file to write; refuse it before any work where its directory is missing."""
+    """Return the path of a file to write; refuse it before any work if its directory is missing."""
     path = Path(text)
     if not path.resolve().parent.is_dir():
         raise argparse.ArgumentTypeError(f"{text}: there is no such directory to write to")
@@ -232,8 +232,8 @@ def out_file(text: str) -> Path:
 class OutFolder:
     """The `type=` of an option that names a folder to write.
 
-    names: what the command writes into it; a folder that holds anything else is not replaced.
-    mark: a file that shows that the command made the folder, with whatever is in it; empty where `names` decide.
+    names: what the command writes into it; a folder that contains anything else is not replaced.
+    mark: a file that shows that the command made the folder, whatever it contains; empty if `names` decide.
     """
 
     names: tuple[str, ...] = ()

@@ -125,7 +125,8 @@ def check(args: argparse.Namespace) -> int:
     keep_compiled()
     from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
     dataset = check_plausible(ta.load_dataset(args.dataset), args.accept)
-    print("\n".join([*dataset.lines(), *ranges(dataset), *plausibility(dataset)]))
+    print("\n".join([*dataset.lines(), *ranges(dataset), *plausibility(dataset),
+                     *(f"note: {line}" for line in dataset.notes())]))
     few = len(dataset.shots) < FEWEST_SHOTS
     for line in lacking(dataset):
         print(f"warning: {line}")
@@ -159,16 +160,9 @@ def lacking(dataset: "ta.Dataset") -> list[str]:
 
 
 def ranges(dataset: "ta.Dataset") -> list[str]:
-    """Return a line per column of numbers: lowest to highest, and in how many shots it is missing."""
-    import numpy as np
-    lines = []
-    for name, column in dataset.shots.numbers.items():
-        known = column[np.isfinite(column)]
-        if len(known):
-            absent = len(column) - len(known)
-            lines.append(f"  {name:20s} {known.min():g} to {known.max():g}"
-                         + (f", missing in {absent} shot{'s' * (absent != 1)}" if absent else ""))
-    return lines
+    """Return a line per column of numbers: lowest to highest."""
+    known = {name: column[column == column] for name, column in dataset.shots.numbers.items()}
+    return [f"  {name:20s} {column.min():g} to {column.max():g}" for name, column in known.items() if len(column)]
 
 
 def plausibility(dataset: "ta.Dataset") -> list[str]:
@@ -203,15 +197,26 @@ def import_shots_options(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--map", metavar="MAP", help="of any team's files: which keys say what: a shots.toml, or an "
                      "installed map, such as ftc-csv, tracker, kinovea")
     how.add_argument("--guess", action="store_true", help="propose that map from the names, units and numbers in the "
-                     f"first file, write it to DIR/{MAP}, and import by it; a CSV without a column Timestamp has a row "
-                     "per shot")
+                     f"first file, write it to DIR/{MAP}, and import by it; rows of a table that are less than 0.5 s "
+                     "apart are a log's, others a shot each")
+    parser.add_argument("--outcomes", type=outcome_words, metavar="WORD=MEANING,...", help="with --guess: what "
+                        "words of outcomes mean whose meaning is not certain, such as in=three,rim=two,short=miss-low; "
+                        "rejected leaves shots out")
     parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="of any team's files: ball, wheels and target "
                         "(truearc init DIR makes one to fill in)")
 
 
+def outcome_words(text: str) -> dict[str, str]:
+    """Return the `type=` of --outcomes: {word of the data: word of a map}."""
+    pairs = [pair.rpartition("=") for pair in text.split(",")]
+    if not all(word.strip() for word, _, _ in pairs):
+        raise argparse.ArgumentTypeError(f"got {text!r}; expected WORD=MEANING,..., such as in=three,rim=two")
+    return {word.strip(): meaning.strip() for word, _, meaning in pairs}
+
+
 def import_shots(args: argparse.Namespace) -> int:
     """Turn the logs, tables and recordings of others into a dataset directory (docs/how-to/importing.md)."""
-    from truearc.sim.data.import_shots import doubts_of, only
+    from truearc.sim.data.import_shots import only
     from truearc.sim.printed import left_out_lines
     importer = next((importer for importer in load_importers() if importer.name == args.source), None)
     if importer is None:
@@ -235,8 +240,8 @@ def import_shots(args: argparse.Namespace) -> int:
     print(f"{args.out}: {len(dataset.shots)} shots, {0 if table is None else len(table.t_s)} {kind}")
     for line in left_out_lines(dataset.left_out):
         print(line)
-    for line in doubts_of(dataset):
-        print(f"warning: {line}")
+    for line in dataset.notes():
+        print(f"note: {line}")
     return 0
 
 
@@ -252,15 +257,18 @@ def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
         return load(shot_map=args.map), ""
     if not args.guess:
         raise ta.InputError(f"{args.source}: --map MAP is needed, or --guess, which proposes one")
-    guessed = guess(args.files, ta.load_rig(args.rig), common.make_progress("guess", args.quiet))
+    guessed = guess(args.files, args.rig, args.outcomes, common.make_progress("guess", args.quiet))
     print(f"guessed from the names, units and numbers of {args.files[0]}; make sure of it:")
     for line in guessed.lines:
         print(f"  {line}")
+    again = ["truearc", "import", args.source, *args.files, "--rig", str(args.rig), "-o", str(args.out)]
+    if guessed.asked:
+        proposed = ",".join(f"{text}={word}" for text, word in guessed.proposed.items())
+        raise ta.InputError(f"{guessed.asked}. Correct it in the command and run: "
+                            f"{shlex.join([*again, '--guess', '--outcomes', proposed])}")
     try:
         return load(shot_map=guessed.map), guessed.to_toml()
     except ta.InputError as error:
         print(f"\nthe map, to save as {MAP} and correct:\n\n{guessed.to_toml()}")
-        again = shlex.join(["truearc", "import", args.source, *args.files, "--map", MAP, "--rig", str(args.rig),
-                            "-o", str(args.out)])
         raise ta.InputError(f"{error}\nCorrect what is named; or save the map above as {MAP}, correct it (words of "
-                            f"outcomes: outcome.values), and run: {again}") from error
+                            f"outcomes: outcome.values), and run: {shlex.join([*again, '--map', MAP])}") from error

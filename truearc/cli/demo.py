@@ -28,7 +28,7 @@ def demo_options(parser: argparse.ArgumentParser) -> None:
 
 
 def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
-    """Let an emulated robot practise, meet a changed world, learn from marked shots what changed, and aim again.
+    """Let an emulated robot practise, meet a changed world, learn from marked shots what has changed, and aim again.
 
     In practice it learns what the paper's physics lacks of its launcher. For the event an effect is drawn and sealed;
     no sensor sees it. The control is an event at which nothing has changed. The answer comes last: what was wrong, how

@@ -1,6 +1,6 @@
-"""The acts of the demo, in which a robot practises or meets a changed world, learns and aims again, and their page.
+"""The acts of the demo and their page: a robot practises or meets a changed world, learns and aims again.
 
-Balls are shot in seasons (truearc.sim.world.world) of the emulated robot's world, without buses and images. An act is a
+Balls are shot in seasons (truearc.sim.world.world) of the emulated robot's world, without buses or images. An act is a
 pure function of the robot, the seed and the effect; `truearc demo` presents it, and `python -m benchmarks.demo_seeds`
 repeats it over seeds. Each seed has its own block of 1,000 world seeds.
 """
@@ -47,7 +47,7 @@ NEAR_M, FAR_M, ASIDE = 2.4, 8.0, 0.05                 # places of practice; stan
 LEAST_POINTS = 0.5                    # expected of a marked shot
 APART = 1000                          # world seeds of one seed from the next one's
 HEAD = ("", "what was wrong", "what the robot found", "threes", "points per ball")
-SEEN = "Of their usual size"          # what a finding of nothing says of the effects that it could not have shown
+SEEN = "could not have shown"         # what a finding of nothing says of the effects that it is blind to
 LISTED = 3                            # names in a row
 MARKS = {("three", ""): "o", ("two", ""): "o", ("two", "low"): "v", ("two", "high"): "^", ("miss", "low"): "v",
          ("miss", "high"): "^"}
@@ -55,8 +55,7 @@ BEFORE, AFTER = "#9aa3af", "#1f5fa8"
 
 
 class WorldChange(NamedTuple):
-    """A change of the world: its name with its size, and the terms of the catalogue that are right; () where none is.
-    """
+    """A change of the world: its name with its size, and the correct terms of the catalogue; () if there are none."""
 
     name: str
     options: Options
@@ -77,7 +76,7 @@ class Envelope(NamedTuple):
 
     @property
     def sha256(self) -> str:
-        """The seal: of the text in UTF-8."""
+        """The seal: SHA-256 of the text in UTF-8."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
 
@@ -89,7 +88,8 @@ def draw_effect(seed: int) -> Envelope:
 
 
 class Sizes(NamedTuple):
-    """Shots of practice, of these through the whole emulated robot, marked shots at an event, balls of a volley."""
+    """Numbers of shots: practice, those of it through the whole emulated robot, marked shots at an event, balls of a
+    volley."""
 
     practice: int = 300
     robot: int = 20
@@ -98,7 +98,7 @@ class Sizes(NamedTuple):
 
 
 class Volley(NamedTuple):
-    """Balls aimed by one table of set points, and how many scored three and two points."""
+    """Balls aimed with one table of set points, and how many scored three and two points."""
 
     threes: int
     twos: int
@@ -111,7 +111,7 @@ class Volley(NamedTuple):
 
 
 class Act(NamedTuple):
-    """Marked shots, what was found in them and adopted, and the robot's aim before and after that."""
+    """Marked shots, what was found in them and adopted, and the robot's aim before and after."""
 
     shots: ta.Dataset
     finding: ta.Finding
@@ -121,7 +121,7 @@ class Act(NamedTuple):
 
 
 def practise(rig: Rig, seed: int, sizes: Sizes, recorded: ta.Dataset | None, progress: Progress) -> Act:
-    """Practice in a closed hall: believed is the paper's physics; `recorded`: shots of the whole emulated robot, which
+    """Practise in a closed hall, believing the paper's physics; `recorded`: shots of the whole emulated robot, which
     come first."""
     own, count = APART * seed, sizes.practice - (0 if recorded is None else len(recorded.shots))
     settings = practice_settings(own, count)
@@ -136,7 +136,7 @@ def practise(rig: Rig, seed: int, sizes: Sizes, recorded: ta.Dataset | None, pro
 
 def play_event(rig: Rig, practice: Act, options: Options, seed: int, number: int, sizes: Sizes,
                progress: Progress) -> Act:
-    """The event in a world with these options: what has changed since practice is learned from marked shots."""
+    """Play the event in a world with these options: marked shots reveal what has changed since practice."""
     own = APART * seed + 10 * number
     settings = marked_settings(rig, practice.adopted, options, own, sizes.marked)
     shots = play_season(rig, options, own, settings, "L1", ORDINARY, part_of(progress, 0.0, 0.2)).dataset
@@ -161,15 +161,17 @@ def _judge(rig: Rig, options: Options, seed: int, sizes: Sizes, shots: ta.Datase
 
 
 def fire(rig: Rig, options: Options, seed: int, aim: ta.AimTable, balls: int) -> Volley:
-    """Shoot balls from random places, aimed by a table at the distance that the robot sees; where the table has no set
-    point the ball stays in the robot, and scores nothing."""
+    """Shoot balls from random places, aimed with a table at the distance that the robot measures.
+
+    Where the table has no set point, the ball stays in the robot and scores nothing.
+    """
     settings = aimed_settings(aim, options, seed, balls)
     marks = play_season(rig, options, seed, settings, "L0").dataset.shots.text("outcome") if settings else ()
     return Volley(marks.count("three"), marks.count("two"), balls)
 
 
 def aimed_settings(aim: ta.AimTable, options: Options, seed: int, balls: int) -> list[ShotSetting]:
-    """Set points of a table from random places, at the distance that the robot sees; none where the table has none."""
+    """Return set points of a table from random places, at the measured distance; none where the table has none."""
     rng = np.random.default_rng([seed, 32])
     settings = []
     for distance_m in rng.uniform(*FROM_M, balls):
@@ -183,7 +185,7 @@ def aimed_settings(aim: ta.AimTable, options: Options, seed: int, balls: int) ->
 
 
 def practice_settings(seed: int, count: int) -> list[ShotSetting]:
-    """Random hood angles and motor speeds, shot from about where the crew has seen such balls fall into the target."""
+    """Return random hood angles and motor speeds, from about where the crew has seen such balls reach the target."""
     rng, size = np.random.default_rng([seed, 33]), CANDIDATES * count
     hood_deg, ratio = rng.uniform(HOOD_DEG[0], HOOD_DEG[-1], size), rng.uniform(RATIO[0], RATIO[-1], size)
     falls_at_m = RegularGridInterpolator((HOOD_DEG, RATIO), FALLS_AT_M)(np.column_stack([hood_deg, ratio]))
@@ -192,7 +194,7 @@ def practice_settings(seed: int, count: int) -> list[ShotSetting]:
 
 
 def marked_settings(rig: Rig, belief: ta.Belief, options: Options, seed: int, count: int) -> list[ShotSetting]:
-    """Settings that score by the belief, from random places at random hood angles of practice."""
+    """Return settings that score under the belief, from random places at random hood angles of practice."""
     rng, size = np.random.default_rng([seed, 33]), CANDIDATES * count
     distance_m, hood_deg = rng.uniform(*FROM_M, size), rng.uniform(*MARKED_DEG, size)
     seen_m = np.array([seen_distance_m(float(one), options) for one in distance_m])
@@ -209,7 +211,7 @@ Acts = Mapping[str, Act]              # practice, event, control
 
 
 def answer(acts: Acts, effect: str) -> list[str]:
-    """A table: what was wrong, what was found with its size, and what that was worth."""
+    """Return a table of what was wrong, what was found with its size, and what that was worth."""
     return make_text(HEAD, _rows(acts, effect))
 
 
@@ -232,15 +234,16 @@ def _found(act: Act) -> str:
 
 
 def say_limits(event: Act, control: Act) -> str:
-    """One line on what the marked shots cannot tell apart, and what they could not have shown."""
+    """Return one line on what the marked shots cannot separate, and what they could not have shown."""
     alike = [plain(one.term) for one in (*event.finding.effects[:1], *event.finding.alternatives)]
-    blind = control.finding.sentence.partition(SEEN)[2].partition(" To see")[0]
+    blind = control.finding.sentence.partition(SEEN)[2].partition("; best next")[0].partition(". ")[0]
     line = f"These marks cannot tell {either(alike[:LISTED + 1], 'from')}. " if len(alike) > 1 else ""
-    return line + (f"{SEEN}{blind}" if blind else "") or "Marks do not show in which part a difference arises."
+    unseen = f"{'They' if line else 'These marks'} {SEEN}{blind}." if blind else ""
+    return line + unseen or "Marks do not show in which part a difference arises."
 
 
 def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> Path:
-    """Write index.html; returns its path."""
+    """Write index.html; return its path."""
     effect, event = envelope.effect.name, acts["event"]
     before, after = (one.per_ball for one in event.volleys)
     verdict = (f"At the event something had changed that no sensor saw ({effect}): {before:.2f} points per ball, and "

@@ -44,8 +44,8 @@ def deploy_options(parser: argparse.ArgumentParser) -> None:
 def deploy(args: argparse.Namespace) -> int:
     """Install truearc on the robot's computer by ssh, as a service that starts with it.
 
-    Carries the package, its configuration and its model, and runs the doctor there. Exit 1 when a step fails or the
-    doctor finds a failure.
+    Copies the package, its configuration and its model, and runs the doctor there. Exit 1 if a step fails or the doctor
+    finds a failure.
     """
     if not re.fullmatch(r"([A-Za-z0-9_][A-Za-z0-9._-]*@)?[A-Za-z0-9][A-Za-z0-9.-]*", args.host):
         raise InputError(f"{args.host!r}: not user@host")
@@ -87,7 +87,7 @@ def deploy(args: argparse.Namespace) -> int:
 
 
 def make_commands(host: str, stage: str, source: str, plugins: Sequence[Path]) -> list[list[str]]:
-    """Return the commands to run here, in order, to fill up `stage` and carry it over; the last one runs the doctor."""
+    """Return the commands to run here, in order, to fill `stage` and copy it; the last one runs the doctor."""
     pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir"]
     return [[*pip, f"{stage}/wheels", source],
             *([*pip, f"{stage}/plugins", str(path)] for path in plugins),

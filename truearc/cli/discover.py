@@ -30,10 +30,10 @@ def fit_options(parser: argparse.ArgumentParser) -> None:
 
 
 def fit(args: argparse.Namespace) -> int:
-    """Fit coefficients and shot-to-shot scatter by maximum a posteriori, from everything that a dataset has.
+    """Fit coefficients and shot-to-shot scatter by maximum a posteriori, from all data of a dataset.
 
-    Report 90 % intervals and which parameters the shots cannot tell apart. The paper's grid search is `truearc paper
-    fit`. Exit 1 where the fit did not settle.
+    Report 90 % intervals and which parameters the shots cannot separate. The paper's grid search is `truearc paper
+    fit`. Exit 1 if the fit did not converge.
     """
     if len(args.datasets) > 1:
         return _pool(args)
@@ -90,9 +90,9 @@ def predict(args: argparse.Namespace) -> int:
     """Forecast the height and outcome of each shot of a dataset by the simulation, or its probabilities by a gate.
 
     By the simulation: shot_id,height_m,deviation_m,outcome,note: the height at the first crossing of x = distance, and
-    that minus the target's centre; both are empty where the ball meets the floor or turns back first. The note says so,
-    and names settings outside the range of the shots that the coefficients were fitted to. With --gate:
-    shot_id,p_two,p_three,in_domain,novelty (novelty over 1: further than that from all recorded shots).
+    its difference from the target's centre; both are empty if the ball hits the floor or turns back first. The note
+    says so, and names settings outside the range of the shots that the coefficients were fitted to. With --gate:
+    shot_id,p_two,p_three,in_domain,novelty (novelty over 1: outside the recorded shots).
     """
     if args.gate is None:
         table = _by_simulation(args)
@@ -155,7 +155,7 @@ def discover_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_reports(parser: argparse.ArgumentParser) -> None:
-    """Options for the files that an answer is written to: of discover and identifiability."""
+    """Add options for the files of an answer, to discover and identifiability."""
     parser.add_argument("--json", type=common.out_file, metavar="FILE", help="write the answer as JSON")
     parser.add_argument("--report", type=common.out_file, metavar="FILE", help="write an HTML report")
 
@@ -169,7 +169,7 @@ def _write_reports(args: argparse.Namespace, answer: "ta.Finding | ta.Identifiab
 
 
 def add_believe(parser: argparse.ArgumentParser) -> None:
-    """Options that say which terms there are: of discover, design and identifiability."""
+    """Add options that choose the terms, to discover, design and identifiability."""
     parser.add_argument("--believe", type=common.listed(str), metavar="TERMS",
                         help="terms of the simulation, comma-separated; else rig.toml's")
     common.add_terms_from(parser)
@@ -177,7 +177,7 @@ def add_believe(parser: argparse.ArgumentParser) -> None:
 
 
 def add_baseline(parser: argparse.ArgumentParser) -> None:
-    """Options that say what is tested, and how: of discover and design."""
+    """Add options that say what is tested, and how, to discover and design."""
     add_believe(parser)
     parser.add_argument("--belief", metavar="FILE", help="coefficients.toml of this very rig from an earlier session "
                         "(discover --adopt, fit): the baseline, with its uncertainties; what has changed?")
@@ -191,7 +191,7 @@ def add_baseline(parser: argparse.ArgumentParser) -> None:
 def discover(args: argparse.Namespace) -> int:
     """Report whether a dataset disagrees with the simulation as it stands, where, and what the simulation lacks.
 
-    Before there are data, `truearc identifiability` reports what a season of shots could show.
+    Before you have data, `truearc identifiability` reports what a season of shots could show.
     """
     _, found = investigate(args, "discover", args.measured)
     adopted, refused = None, None
@@ -234,7 +234,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = ()) -> "tuple[ta.Dataset, ta.Finding]":
-    """The dataset and the finding in it, by the options of `add_baseline`; measured: as in --measured."""
+    """Return the dataset and the finding in it, by the options of `add_baseline`; measured: as in --measured."""
     _check(args)
     from truearc.sim.compute import keep_compiled
     from truearc.sim.infer.likelihood.layout import check_believed, read_measured
@@ -276,9 +276,9 @@ def design_options(parser: argparse.ArgumentParser) -> None:
 
 
 def design(args: argparse.Namespace) -> int:
-    """Choose the next shots, or the measurement, that would best tell the remaining candidate terms apart.
+    """Choose the next shots, or the measurement, that would best separate the remaining candidate terms.
 
-    Candidates are the terms that `truearc discover` leaves; the shots are some that the robot can take. Say, too, how
+    Candidates are the terms that `truearc discover` leaves; the shots are ones that the robot can take. Also report how
     likely they are to decide.
     """
     if args.configurations > args.shots:
@@ -305,7 +305,7 @@ def identifiability_options(parser: argparse.ArgumentParser) -> None:
 
 
 def identifiability(args: argparse.Namespace) -> int:
-    """Say, before any data, which effects a season with a rig could show, and which it could not tell apart."""
+    """Report, before any data, which effects a season with a rig could show, and which it could not separate."""
     path = Path(args.rig)
     if path.is_dir():
         common.refuse(args, ("--shots", "--level"), f"{path} is a dataset directory, whose own shots are used")

@@ -33,7 +33,7 @@ WARNING_TEXT = "Take all balls out and keep hands away. Ctrl-C stops it, and so 
 
 
 def check_robot(args: argparse.Namespace) -> int:
-    """Print the findings; 1 if any is a failure. args: those of `truearc doctor`."""
+    """Print the findings; return 1 if any is a failure. args: those of `truearc doctor`."""
     check_move(args)
     config = load_config(args.config)
     endpoints = doctor.load_endpoints(args.endpoints) if args.endpoints else None
@@ -49,7 +49,7 @@ def check_robot(args: argparse.Namespace) -> int:
 
 
 def set_devices(args: argparse.Namespace) -> int:
-    """Write what the axes should keep; 0 when they keep it. args: those of `truearc doctor`."""
+    """Write what the axes should store; return 0 if they store it. args: those of `truearc doctor`."""
     if args.endpoints is None:
         raise InputError("--set needs --endpoints: the flat_endpoints.json of the axes' firmware")
     config, endpoints, clock = load_config(args.config), doctor.load_endpoints(args.endpoints), MonotonicClock()
@@ -117,7 +117,7 @@ def _look_at_can(config: Config, clock: Clock, endpoints: Endpoints | None, seco
 
 def look_at_bus(config: Config, bus: Bus, clock: Clock, link: CanLink | None, endpoints: Endpoints | None,
                 seconds: float) -> Iterator[Finding]:
-    """Everything that can be heard on the CAN bus in one stretch of listening; raises LinkLost."""
+    """Return everything received on the CAN bus in one period of listening; raises LinkLost."""
     heard = listen(bus, clock, doctor.questions(config, endpoints), seconds)
     yield doctor.check_bitrate(config.can, link, heard)
     yield doctor.check_heartbeat_lock((axis for _, axis in motors.name_axes(config)), heard)
@@ -134,7 +134,7 @@ def _look_at_disk(folder: Path) -> Finding:
 
 
 def look_at_readings(config: Config) -> Iterator[Finding]:
-    """What other distributions say of their tables; of [camera] where it sees tags itself."""
+    """Return the findings of other distributions on their tables, and on [camera] if it sees tags itself."""
     if not config.is_seen_elsewhere and config.camera.target == "apriltag":
         yield doctor.check_calibration(config.camera)
     for source in eyes.sources_of(config):
@@ -142,7 +142,7 @@ def look_at_readings(config: Config) -> Iterator[Finding]:
 
 
 class NoBox:
-    """A button box that is not there."""
+    """An absent button box."""
 
     def read(self) -> bytes:
         return b""
@@ -151,7 +151,7 @@ class NoBox:
 
 
 def check_move(args: argparse.Namespace) -> None:
-    """InputError for options that do not go together, before anything is opened."""
+    """Raise InputError for incompatible options, before anything is opened."""
     if not args.move:
         common.refuse(args, ("--yes",), "applies with --move or --set only")
     elif not args.yes and not sys.stdin.isatty():
@@ -160,7 +160,7 @@ def check_move(args: argparse.Namespace) -> None:
 
 
 def move_robot(config: Config, clock: Clock, found: Sequence[Finding], is_allowed: bool) -> list[Finding]:
-    """Findings of the motion. found: those at rest, of which none may be a failure; is_allowed: without asking."""
+    """Return the findings of the motion. found: those at rest, without a failure; is_allowed: without confirmation."""
     if any(finding.level == FAILURE for finding in found):
         return [warning(CHECK, "not tried: something on the bus has failed at rest", "repair that first")]
     with ExitStack() as wires:
@@ -187,7 +187,7 @@ def move_robot(config: Config, clock: Clock, found: Sequence[Finding], is_allowe
 
 def move(config: Config, motion: SmallMotion, bus: Bus, box: Stream | None, clock: Clock, ending: run_robot.Ending,
          wires: ExitStack) -> list[Finding]:
-    """Move on open wires until it is over, and release; findings."""
+    """Move on open wires until the motion is over, and release; return the findings."""
     heard: list[Frame] = []
 
     def tap(frame: Frame, sent: bool) -> None:

@@ -86,10 +86,10 @@ def verify_options(parser: argparse.ArgumentParser) -> None:
 def verify(args: argparse.Namespace) -> int:
     """Check a file for the robot: an exported gate, or an aim file.
 
-    Of a gate: its contract, that it repeats itself, and that it rates rows alone as it does together. With --weights
-    also that onnxruntime agrees in p with the trainer's own float64, within a tolerance: the graph of a gate with
-    physics carries its flights as a polynomial. Of an aim file: that its set points score as much as the best that the
-    simulator finds. Exit 1 where a check failed.
+    For a gate: its contract, its repeatability, and that rows rated alone and together agree. With --weights also that
+    onnxruntime's p agrees with the trainer's own float64 within a tolerance: the graph of a gate with physics
+    represents flights by a polynomial. For an aim file: that its set points score as much as the best that the
+    simulator finds. Exit 1 if a check fails.
     """
     data = load_bytes(Path(args.file))
     if data.lstrip()[:1] == b"{":
@@ -126,8 +126,7 @@ def serve_options(parser: argparse.ArgumentParser) -> None:
 def serve(args: argparse.Namespace) -> int:
     """Serve the operator page's map and sliders for a gate on this computer, without a robot; Ctrl-C ends it.
 
-    It answers what the gate would say of a distance, a wheel speed and a hood angle. The file is checked as the robot
-    does.
+    It shows the gate's answer for a distance, a wheel speed and a hood angle. The file is checked as on the robot.
     """
     with make_server(args) as server:
         try:
@@ -139,7 +138,7 @@ def serve(args: argparse.Namespace) -> int:
 
 
 def make_server(args: argparse.Namespace) -> "PageServer":
-    """Return the server that the arguments ask for; it does not serve yet. InputError where it cannot listen."""
+    """Return the server that the arguments request; it does not serve yet. InputError if it cannot listen."""
     from truearc.hw.real.clock import MonotonicClock
     from truearc.robot.config.schema import load_config
     from truearc.robot.gate import load_gate
@@ -156,14 +155,14 @@ def make_server(args: argparse.Namespace) -> "PageServer":
 
 
 def make_command(gate: Path, config: Config) -> tuple[str, ...]:
-    """Command line of the process that answers as the robot of that configuration does."""
+    """Return the command line of the process that answers as the robot with that configuration does."""
     speed_rad_s = config.rig.launcher.free_speed_rad_s
     return (sys.executable, "-m", "truearc.cli.gate", str(gate), repr(config.gate.threshold),
             *(() if speed_rad_s is None else (repr(speed_rad_s),)))
 
 
 def answer(gate: str, threshold: str, speed_rad_s: str = "") -> int:
-    """Answer until standard input ends, giving way to every other process; return 2 where the gate cannot be used."""
+    """Answer until standard input ends, at the lowest priority; return 2 if the gate cannot be used."""
     from truearc.hw.real.clock import MonotonicClock
     from truearc.robot.gate import load_gate
     from truearc.robot.operator_ui.what_if import WhatIf, serve_questions

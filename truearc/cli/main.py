@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import truearc
 from truearc.cli.common import add_force, fresh_outputs, number
+from truearc.cli.file_kinds import misplaced
 from truearc.errors import ELSEWHERE, INSTALL_HINTS, InputError, needs
 
 ENTRY_POINTS = "truearc.commands"
@@ -84,7 +85,7 @@ NAMES = {command.name: command for command in COMMANDS}
 
 
 def find_command(argv: list[str]) -> Command | None:
-    """Return the command that `argv` begins with, of two words before of one; None where it begins with none."""
+    """Return the command at the start of `argv`, two words before one; None if there is none."""
     words = [" ".join(argv[:2]), *argv[:1]]
     own = next((NAMES[word] for word in words if word in NAMES), None)
     if own is not None or not argv or argv[0].startswith("-"):
@@ -176,7 +177,7 @@ def make_parser(command: Command) -> Parser:
 
 
 def fill_parser(parser: argparse.ArgumentParser, command: Command) -> None:
-    """Add the arguments of a command to a parser that exists already."""
+    """Add the arguments of a command to an existing parser."""
     if command.progress:
         parser.add_argument("--quiet", action="store_true", help="no progress")
     command.load().add_options(parser)
@@ -199,7 +200,7 @@ def completion(args: argparse.Namespace) -> int:
 
 
 def make_root_parser(commands: tuple[Command, ...]) -> argparse.ArgumentParser:
-    """Return one parser that has every command as a subcommand, to be read by shtab; it parses no command line."""
+    """Return one parser with every command as a subcommand, for shtab; it parses no command line."""
     root = argparse.ArgumentParser(prog="truearc")
     root.add_argument("--version", action="store_true", help="print the version")
     first = root.add_subparsers()
@@ -225,7 +226,7 @@ PREFIXES = {name.partition(" ")[0] for name in NAMES} - set(NAMES)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command; return 0 done, 1 a check failed, 2 bad input."""
+    """Run one command; return 0 for success, 1 if a check failed, 2 for bad input."""
     for name in ONE_THREAD:
         os.environ.setdefault(name, "1")
     argv = list(sys.argv[1:] if argv is None else argv)
@@ -247,21 +248,25 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(command: Command, words: list[str]) -> int:
+    args = argparse.Namespace()
     try:
         parser = make_parser(command)
         args = parser.parse(words)
+        if message := misplaced(command.name, args):
+            raise InputError(message)
         with fresh_outputs(parser, args):
             code = int(command.load().main(args))
         sys.stdout.flush()
         return code
     except InputError as error:
-        print(f"truearc {command.name}: {error}", file=sys.stderr)
+        print(f"truearc {command.name}: {misplaced(command.name, args, str(error)) or error}", file=sys.stderr)
         return 2
     except BrokenPipeError:
         return _unread()
     except OSError as error:          # a place that cannot be read or written
         where = "" if error.filename is None else f"{error.filename}: "
-        print(f"truearc {command.name}: {where}{error.strerror or error}", file=sys.stderr)
+        message = f"{where}{error.strerror or error}"
+        print(f"truearc {command.name}: {misplaced(command.name, args, message) or message}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130

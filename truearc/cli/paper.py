@@ -33,7 +33,7 @@ def fit_options(parser: argparse.ArgumentParser) -> None:
 
 
 def fit(args: argparse.Namespace) -> int:
-    """Find the drag and lift coefficient that reproduce most recorded outcomes, by the paper's grid search.
+    """Find the drag and lift coefficients that reproduce the most recorded outcomes, by the paper's grid search.
 
     Every pair from 0 to 5 is ranked by three-point accuracy, then two-point accuracy, then deviation.
     """
@@ -100,7 +100,7 @@ def train_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_recipe(parser: argparse.ArgumentParser, simulated: str, validated: str) -> None:
-    """Options of a training, also of `truearc paper sweep`; the texts say what --sim and --validation are."""
+    """Add options for training, also to `truearc paper sweep`; the texts describe --sim and --validation."""
     parser.add_argument("--real", required=True, metavar="DIR", help="dataset of recorded shots")
     parser.add_argument("--sim", metavar="DIR", help=simulated)
     common.add_accept(parser)
@@ -115,7 +115,7 @@ def add_recipe(parser: argparse.ArgumentParser, simulated: str, validated: str) 
 def train(args: argparse.Namespace) -> int:
     """Train the paper's network (3-8-2, sigmoids) on recorded shots.
 
-    Each batch of them is paired with a batch of simulated ones whose loss is weighed by lambda.
+    Each batch is paired with a batch of simulated shots whose loss is weighted by lambda.
     """
     if args.sim is None and args.simulated_weight is not None:
         raise ta.InputError("--lambda: applies with --sim only")
@@ -133,12 +133,12 @@ def train(args: argparse.Namespace) -> int:
 
 
 def recipe_of(args: argparse.Namespace) -> "Recipe":
-    """Return how to train, as the options of `add_recipe` and --steps say; InputError where that cannot be done."""
+    """Return the training recipe from the options of `add_recipe` and --steps; InputError if it is invalid."""
     return ta.paper.Recipe(args.learning_rate, args.steps, args.patience or PATIENCE)
 
 
 def data_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the datasets of --real and --sim, and the coefficients that the simulated shots were flown with."""
+    """Return the datasets of --real and --sim, and the coefficients of the simulated shots."""
     real = ta.paper.check_plausible(ta.load_dataset(args.real), args.accept)
     return {"real": real, "simulated": ta.load_dataset(args.sim) if args.sim else None,
             "coefficients": ta.paper.load_provenance(args.sim).get("coefficients") if args.sim else None}
@@ -162,7 +162,7 @@ def sweep_options(parser: argparse.ArgumentParser) -> None:
 def sweep(args: argparse.Namespace) -> int:
     """Train the paper's network with each amount and weight of simulated shots, with several seeds of each.
 
-    All are trained in one batch. Report which setting is best on shots that it did not learn from, and by how much.
+    All are trained in one batch. Report which setting is best on hold-out shots, and by how much.
     """
     recipe = recipe_of(args)
     if not any(args.sizes):

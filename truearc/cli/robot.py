@@ -74,10 +74,10 @@ def doctor_options(parser: argparse.ArgumentParser) -> None:
 
 
 def doctor(args: argparse.Namespace) -> int:
-    """Look at everything a run needs and say in one line each how it is and what to do about it.
+    """Check everything that a run needs; print one line each with its state and what to do about it.
 
-    Without --set it changes nothing but an exposure that the configuration fixes, without --move it moves nothing; stop
-    a running robot first, which holds camera and button box. Exit 1 if anything fails.
+    Without --set it changes nothing but an exposure that the configuration fixes; without --move it moves nothing. Stop
+    a running robot first, because it holds camera and button box. Exit 1 if anything fails.
     """
     from truearc.cli.doctor_checks import check_robot, set_devices
     if args.set:
@@ -195,10 +195,10 @@ def sysid_options(parser: argparse.ArgumentParser) -> None:
 
 
 def sysid(args: argparse.Namespace) -> int:
-    """Fit friction, inertia and delay of flywheels and hood, and write the gains that follow.
+    """Fit friction, inertia and delay of flywheels and hood, and write the resulting gains.
 
     Drives them by the program of [identify], or takes a recorded session or a CSV file. Writes gains to paste, never
-    the configuration. Exit 1 where there is nothing to fit or the program was not finished.
+    the configuration. Exit 1 if there is nothing to fit or the program was not completed.
     """
     _check(args)
     if args.csv is not None:

@@ -1,4 +1,4 @@
-"""Companions of the control loop of `truearc run`: eyes and recorder, in its process or in processes of their own."""
+"""The eyes and recorder of `truearc run`, in the control loop's process or in their own."""
 
 import socket
 from collections.abc import Callable, Mapping
@@ -26,13 +26,14 @@ CLOSE_S = 2.0                         # for a camera to be let go
 
 
 class OneProcess:
-    """Layout with everything in this process; `wires` closes what is opened. `open_screen`: opens what shows ticks."""
+    """Layout with everything in this process; `wires` closes what is opened. `open_screen`: opens the screen for
+    ticks."""
 
     def __init__(self, config: Config, wires: ExitStack, open_screen: OpenScreen | None = None) -> None:
         self._config, self._wires, self._open_screen = config, wires, open_screen
 
     def open_eyes(self, clock: Clock) -> Eyes:
-        """Eyes on the configuration's camera, which may come later."""
+        """Open the configuration's camera, which may be connected later."""
         if (elsewhere := open_eyes(self._config, clock)) is not None:
             self._wires.callback(elsewhere.close)
             return elsewhere
@@ -42,12 +43,12 @@ class OneProcess:
         return InlineEyes(camera, make_see(self._config))
 
     def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
-        """Make a recording's folder and open its files; OSError or InputError when they cannot be."""
+        """Make a recording's folder and open its files; OSError or InputError if that fails."""
         upkeep.start_pruning(self._config.recording, now_unix_s, folder)
         return LaneKeeper(folder, contents, lossless=False, waits=True)
 
     def show(self, recorder: Recorder) -> Recorder:
-        """Return that recorder; its ticks are shown, if anything shows them."""
+        """Return that recorder; its ticks are shown if there is a screen."""
         screen = None if self._open_screen is None else self._open_screen(MonotonicClock())
         if screen is not None:
             self._wires.callback(screen.close)
@@ -59,9 +60,9 @@ class OneProcess:
 
 
 class ThreeProcesses:
-    """Layout with vision, and the recorder with what shows ticks, in processes of their own; `wires` ends them.
+    """Layout with vision and the recorder with its screens in their own processes; `wires` ends them.
 
-    Both start at once, side by side. Methods as of OneProcess.
+    Both start at once, in parallel. Methods as in OneProcess.
     """
 
     def __init__(self, config: Config, wires: ExitStack, open_screen: OpenScreen | None = None) -> None:
@@ -87,8 +88,7 @@ class ThreeProcesses:
 
 
 class RecorderProcess:
-    """Process that writes files until the control process ends it or dies; it must outlive a control process that dies.
-    """
+    """Process that writes files until the control process ends or dies, which it must outlive."""
 
     def __init__(self, wires: ExitStack, open_screen: OpenScreen | None = None,
                  limits: RecordingConfig | None = None) -> None:
@@ -102,7 +102,7 @@ class RecorderProcess:
         wires.callback(self._outbox.close)        # which ends it, if nothing else did
 
     def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
-        """InputError when it cannot start, or the files cannot be opened."""
+        """Open the keeper; InputError if the process cannot start, or the files cannot be opened."""
         with about("cannot start", LinkLost):
             self.child.wait()
         self._theirs.close()                      # the other process has it
@@ -114,7 +114,7 @@ LAYOUTS: dict[str, type[ProcessLayout]] = {"three": ThreeProcesses, "one": OnePr
 
 
 def look(line: Line, is_first: bool, config: Config, memory: object, room: Capacity) -> None:
-    """The vision process; its camera may come later."""
+    """Run the vision process; its camera may be connected later."""
     cv2.setNumThreads(1)
     clock, slots = MonotonicClock(), Slots(memory, room)
     slots.beat(clock.now_ns())
@@ -133,7 +133,7 @@ def look(line: Line, is_first: bool, config: Config, memory: object, room: Capac
 
 def write(line: Line, is_first: bool, end: socket.socket, memory: object,
           open_screen: OpenScreen | None, limits: RecordingConfig | None = None) -> None:
-    """The recorder process, until the control process ends or dies."""
+    """Run the recorder process until the control process ends or dies."""
     cv2.setNumThreads(1)
     inbox, clock = Inbox(end), MonotonicClock()
     screen = None if open_screen is None else open_screen(clock)
@@ -146,12 +146,12 @@ def write(line: Line, is_first: bool, end: socket.socket, memory: object,
 
 
 def now_unix_s() -> float:
-    """The time of day, as files are stamped with it."""
+    """Return the time of day, as used in file timestamps."""
     return (MonotonicClock().now_ns() + wall_offset_ns()) / NS_PER_S
 
 
 def make_show(screen: Screen | None) -> Callable[[list[files.Row]], None]:
-    """Shows rows of ticks, as they are written, on the screen; none, where there is none."""
+    """Return a function that shows rows of ticks on the screen as they are written; none without a screen."""
     if screen is None:
         return lambda rows: None
     decoder = msgspec.json.Decoder(Tick)
@@ -164,12 +164,12 @@ def make_show(screen: Screen | None) -> Callable[[list[files.Row]], None]:
 
 
 def open_mended(config: Config, clock: Clock) -> MendedCamera:
-    """The configuration's camera, which is opened as soon as it is there, and again when it was lost."""
+    """Open the configuration's camera as soon as it is present, and again when it was lost."""
     asked = config.camera
     return MendedCamera(lambda: open_camera(asked.device, asked.width_px, asked.height_px, asked.fps, clock,
                                             asked.exposure_s))
 
 
 def make_see(config: Config) -> Callable[[CameraFrame], Sighting]:
-    """Vision as configured."""
+    """Return the vision function of the configuration."""
     return lambda frame: find_target(frame, config)

@@ -50,7 +50,7 @@ ROOM_BYTES = 100 << 20                # a quarter of an hour of recording, which
 
 
 class Ending:
-    """Set by a signal; the loop looks at it before each tick."""
+    """A flag set by a signal and checked by the loop before each tick."""
 
     def __init__(self) -> None:
         self.asked = False
@@ -127,10 +127,10 @@ def _offering(args: argparse.Namespace, config: Config, session: Path, aims: dic
 
 
 def make_room(out: Path, started: str) -> Path:
-    """A folder in `out` that is not there yet, named by the time of day; a disk that is all but full is warned of.
+    """Choose a new folder in `out`, named by the time of day; warn if the disk is almost full.
 
-    A clock that was set back, or starts at the same time after every power-up, only costs a number behind the name.
-    OSError when `out` cannot be made for another reason than its disk's.
+    If the clock was set back, or starts at the same time after every power-up, the name only gets a number. OSError if
+    `out` cannot be made for a reason other than its disk's.
     """
     free = 0
     try:
@@ -170,12 +170,12 @@ def _open_wires(config: Config, layout: ProcessLayout, wires: ExitStack,
 
 
 def open_bus(config: Config, clock: Clock, wires: ExitStack, tally: Counter[str], may_come: bool = False) -> Bus:
-    """Open the CAN bus: an adapter that may come and go, behind the configuration's rules; closed by `wires`.
+    """Open the CAN bus behind the configuration's rules; its adapter may be lost and return; closed by `wires`.
 
-    `tally` counts what happens on the bus beside what should. `may_come`: the adapter may also be plugged in later.
+    `tally` counts irregular events on the bus. `may_come`: the adapter may also be plugged in later.
 
     Raises:
-        LinkLost: it cannot be opened, nor later.
+        LinkLost: it cannot be opened, now or later.
     """
     can = config.can
     supervised = SupervisedBus(
@@ -213,7 +213,7 @@ LONGEST_NS = 900_000_000_000
 
 
 class Watch:
-    """A Recorder that passes all on, says where the program stands when that changes, and knows when it is over."""
+    """A Recorder that passes everything on, reports changes of the program's state, and knows when it is over."""
 
     def __init__(self, recorder: SessionWriter, config: Config, tell: Say) -> None:
         self.over: Reason | None = None

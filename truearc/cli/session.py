@@ -38,9 +38,9 @@ def recover_options(parser: argparse.ArgumentParser) -> None:
 
 
 def recover(args: argparse.Namespace) -> int:
-    """Make a recording that was cut short (power loss, kill, full disk) whole.
+    """Repair a truncated recording (power loss, kill, full disk).
 
-    Nothing that is whole is lost, and the damaged files are kept in SESSION/damaged.
+    No complete record is lost, and the damaged files are kept in SESSION/damaged.
     """
     from truearc.robot.recording.session import CAN, INDEX
     from truearc.robot.recording.upkeep import recover

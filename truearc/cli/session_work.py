@@ -27,7 +27,7 @@ NAME, COUNT, TIME, VALUES = 30, 13, 10, 30        # widths of the table's column
 
 
 def replay_as_recorded(args: argparse.Namespace) -> int:
-    """Recompute with the recording's own configuration and model; 1 on the first difference."""
+    """Recompute with the recording's own configuration and model; return 1 at the first difference."""
     try:
         if args.depth == "frames":
             replayed, again = replay.replay_frames(args.session)
@@ -74,7 +74,7 @@ def replay_with(args: argparse.Namespace) -> int:
 
 
 def describe_changes(session: str, changes: replay.Changes, keys: Sequence[str]) -> str:
-    """Which keys differ, which outputs changed, when first and by how much, and which verdicts are others."""
+    """Describe the keys that differ, which outputs changed, when first and by how much, and the changed verdicts."""
     lines = [f"{session}: {changes.ticks} ticks replayed from the recorded inputs"]
     lines += _shortened([f"  with {key}" for key in keys], MOST_KEYS, "keys")
     if not changes.differing:
@@ -147,7 +147,7 @@ WriteRows = Callable[[tuple[Column, ...], Iterator[list[Value]], Path], None]
 
 
 def convert(args: argparse.Namespace) -> int:
-    """Write the session in the format asked for; args: those of `truearc session convert`."""
+    """Write the session in the requested format; args: those of `truearc session convert`."""
     if args.session.resolve() in args.out.resolve().parents:
         raise InputError(f"{args.out}: lies in the session that it is made from; a recording is never written over")
     if args.to in ("csv", "parquet"):
@@ -260,7 +260,7 @@ def _flights(args: argparse.Namespace) -> Flights:
 
 
 def trials_path(out: Path) -> Path:
-    """Where the trials go: week.csv -> week.trials.csv."""
+    """Return the path for the trials: week.csv -> week.trials.csv."""
     return out.with_suffix(".trials" + out.suffix)
 
 

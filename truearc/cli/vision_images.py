@@ -33,8 +33,10 @@ MANY_IMAGES = 200                     # two seconds of work
 
 
 def load_image(name: str, colour: bool = True) -> npt.NDArray[np.uint8]:
-    """(height, width, 3) BGR in the sensor's own orientation, or where colour is not needed also (height, width) of a
-    grey one; InputError names the file and what is wrong with it."""
+    """Load an image, (height, width, 3) BGR in the sensor's own orientation.
+
+    If colour is not needed, a grey image may be (height, width). InputError names the file and what is wrong with it.
+    """
     data = load_bytes(name, MAX_BYTES)
     try:
         return decode_image(data, colour)
@@ -43,7 +45,7 @@ def load_image(name: str, colour: bool = True) -> npt.NDArray[np.uint8]:
 
 
 def decode_image(data: bytes, colour: bool = True) -> npt.NDArray[np.uint8]:
-    """As load_image, from a file's bytes; InputError without its name."""
+    """Decode a file's bytes as load_image does; InputError without its name."""
     if not data:
         raise InputError("the file is empty")
     size = image_size(data)
@@ -97,7 +99,7 @@ def _check_end(data: bytes) -> None:
 
 
 def measure_images(args: argparse.Namespace) -> int:
-    """Exit 0 when every file was an image, target seen or not; 2 when one was not (the others are still answered)."""
+    """Return 0 if every file was an image, target found or not; 2 if one was not (the others are still answered)."""
     camera = load_camera(args.camera)
     labels = load_labels(args.labels) if args.labels else None
     progress = make_progress("vision", args.quiet or len(args.images) < MANY_IMAGES)
@@ -139,7 +141,7 @@ def _print_sizes(sizes: set[tuple[int, int]], file: CameraFile) -> None:
 
 
 def why_not(sighting: Sighting) -> str:
-    """The reason why the target was not found; empty where it was."""
+    """Return the reason why the target was not found; empty if it was."""
     return "" if sighting.reason is None else text(sighting.reason)
 
 
@@ -233,7 +235,7 @@ def _from_board(args: argparse.Namespace, camera: CameraConfig) -> CameraConfig:
 
 
 def parse_board(text: str) -> boards.Board:
-    """Return the board that --board names; InputError says how to name one."""
+    """Return the board that --board names; InputError explains the format."""
     board = None
     if match := CHESSBOARD.fullmatch(text):
         board = boards.Board(int(match[1]), int(match[2]), float(match[3]))

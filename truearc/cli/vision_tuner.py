@@ -60,7 +60,7 @@ class Recorded:
         self.names = tuple(str(path) for path in paths)
 
     def take(self) -> int:
-        """Return the frame that `image` takes; files have no other."""
+        """Return the frame of `image`; files have no other."""
         return 0
 
     def image(self, index: int, frame: int) -> Image:
@@ -101,7 +101,8 @@ class Live:
 
 
 def find_pictures(sources: list[str]) -> list[Path]:
-    """Picture files named, in folders, and in the frames of recorded sessions; InputError names what has none."""
+    """Find picture files by name, in folders, and in the frames of recorded sessions; InputError names what has
+    none."""
     found: list[Path] = []
     for source in sources:
         path = Path(source)
@@ -124,7 +125,7 @@ def open_live(file: CameraFile) -> Live:
 
 
 class Tuner:
-    """Answers to the page's requests, each made from its own arguments and from the settings that were saved last."""
+    """Answers to the page's requests, each from its own arguments and the last saved settings."""
 
     def __init__(self, file: CameraFile, source: Recorded | Live, out: Path, piece: int = PIECE) -> None:
         """`piece`: pictures replayed for one answer."""
@@ -135,7 +136,7 @@ class Tuner:
                 "settings": msgspec.to_builtins(self._file.vision)}
 
     def picture(self, index: int, view: str, settings: dict[str, Any], frame: int) -> bytes:
-        """JPEG of the image, the mask or the regions; `frame` is what `look` said."""
+        """Return a JPEG of the image, the mask or the regions; `frame` is the number from `look`."""
         image, file = self._image(index, frame), self._with(settings)
         if view == "mask":
             image = draw_mask(image, file)
@@ -149,7 +150,7 @@ class Tuner:
         return {"frame": frame, "regions": draw_regions(image, file)[1], **_words(image, file)}
 
     def replay(self, settings: dict[str, Any], begin: int) -> list[dict[str, Any]]:
-        """A piece of the pictures from `begin` on, each with what was saved last and with these settings."""
+        """Measure some pictures from `begin` on, each with the last saved and with these settings."""
         if begin < 0:
             raise InputError(f"there is no picture {begin}")
         after = self._with(settings)

@@ -21,7 +21,7 @@ OVERSPEED = 1.2                                   # times the velocity limit: th
 
 
 class OdriveSettings(Struct, frozen=True):
-    """How the device has been configured; periods of 0 are off. These are what truearc asks of a real one."""
+    """The device's configuration; periods of 0 are off. These are the values that truearc requires of a real one."""
 
     heartbeat_ms: int = 100
     encoder_ms: int = 10
@@ -72,7 +72,7 @@ class OdriveNode(ReportingNode):
         self.restart(0)
 
     def restart(self, t_ns: int) -> None:
-        """Power is back: idle, without errors, modes and limits as in `settings`, and the position counts from 0."""
+        """Restore power: idle, without errors, modes and limits as in `settings`, and the position counts from 0."""
         self.state = odrive.IDLE
         self.errors = self.disarm_reason = self._procedure_result = 0
         self._control_mode, self._input_mode = odrive.POSITION, odrive.PASSTHROUGH     # a new device's own
@@ -147,7 +147,7 @@ class OdriveNode(ReportingNode):
         self._torque_nm = self._axis.direction * min(max(asked, -most), most)
 
     def disarm(self, error: int) -> None:
-        """Leave closed loop; an error of 0 is not reported."""
+        """Leave closed-loop control; an error of 0 is not reported."""
         self.state = odrive.IDLE
         self.errors |= error
         self.disarm_reason = error

@@ -33,10 +33,10 @@ FEED_NS = 25_000_000                  # an unchanged torque is repeated this oft
 
 
 class OdriveMotor(drivers.AskedMotor):
-    """A Motor that is given torques. Its errors stand until it is wanted again: arming is the operator's re-arm.
+    """A Motor driven by torques. Its errors stand until it is commanded again: arming is the operator's re-arm.
 
-    Released, or while its readings come too late, it is ordered to give no torque and to go idle, whatever it says of
-    itself. limits: its own, set before it is driven (odrive.make_limits); none where they are not known.
+    When released, or while its readings arrive too late, it is ordered to give no torque and to go idle, whatever state
+    it reports. limits: its own, set before it is driven (odrive.make_limits); none if they are unknown.
     """
 
     def __init__(self, axis: OdriveAxis, limits: Frame | None = None) -> None:
@@ -95,7 +95,7 @@ PULSE_NS = 100 * NS_PER_MS            # heartbeat: how often an axis says how it
 
 
 def make_rules(axis: OdriveAxis, each_tick: int) -> Rules:
-    """`each_tick`: how often within WINDOW_NS a frame may be sent that each tick sends once."""
+    """Return the rules; `each_tick`: how often within WINDOW_NS a frame may be sent that each tick sends once."""
     seldom = [odrive.make_clear_errors(axis), odrive.make_controller_mode(axis, odrive.TORQUE, odrive.PASSTHROUGH),
               odrive.make_estop(axis), odrive.make_version_query(axis)]
     if axis.torque_nm_a:
@@ -111,7 +111,7 @@ def make_rules(axis: OdriveAxis, each_tick: int) -> Rules:
 
 class OdriveConfig(OdriveAxis, Axis, frozen=True, forbid_unknown_fields=True, omit_defaults=True,
                    tag_field="driver", tag="odrive"):
-    """An ODrive, given torques."""
+    """An ODrive driven by torques."""
 
     endstop_endpoint: Annotated[int, Meta(ge=0, le=65535)]    # SDO endpoint that reads the limit switch; 0 = none
     torque_nm_a: family.TorquePerAmp = 0.0   # its torque_constant; 0: not known, its own limits stay as they are stored
@@ -122,7 +122,7 @@ def make_motors(axes: Sequence[OdriveConfig], bounds: Sequence[family.Bounds]) -
 
 
 def make_limits(axis: OdriveConfig, bounds: family.Bounds) -> Frame | None:
-    """The device's own limits; None where one of them is not known, for the frame sets both."""
+    """Return the frame for the device's own limits; None if one is unknown, since the frame sets both."""
     speed_rad_s, current_a = family.speed_limit_rad_s(bounds), family.current_limit_a(bounds, axis.torque_nm_a)
     return None if speed_rad_s is None or current_a is None else odrive.make_limits(axis, speed_rad_s, current_a)
 
@@ -155,7 +155,7 @@ GIVE = "give its firmware's flat_endpoints.json to --endpoints"
 
 
 def questions(axis: OdriveAxis, endpoints: family.Endpoints | None) -> list[Frame]:
-    """Its version, its serial number, its limit switch, and its parameters when their numbers are known."""
+    """Return the queries for its version, serial number, limit switch and, if their numbers are known, parameters."""
     numbers = [] if endpoints is None else [endpoints.ids[name] for name in ASKED]
     numbers += [axis.endstop_endpoint] if axis.endstop_endpoint else []
     return [odrive.make_version_query(axis), odrive.make_address_query(axis),
@@ -163,7 +163,7 @@ def questions(axis: OdriveAxis, endpoints: family.Endpoints | None) -> list[Fram
 
 
 def examine(axis: OdriveAxis, check: family.AxisCheck, heard: Heard) -> Iterator[Finding]:
-    """All findings about the axis."""
+    """Return all findings about the axis."""
     name, endpoints = check.name, check.endpoints
     yield check_firmware(name, axis, heard)
     yield check_rates(name, axis, {"hood motor": HOOD, "feeder motor": FEEDER}.get(name, FLYWHEEL), heard)
@@ -177,7 +177,7 @@ def examine(axis: OdriveAxis, check: family.AxisCheck, heard: Heard) -> Iterator
 
 
 def check_firmware(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
-    """Who answered the question for its version."""
+    """Check who answered the version query."""
     check = f"{name}, firmware"
     answers = heard.of(odrive.frame_id(axis, "Get_Version"))
     if not answers:
@@ -207,7 +207,7 @@ def _serials(axis: OdriveAxis, heard: Heard) -> set[str]:
 
 
 def check_rates(name: str, axis: OdriveAxis, rates: Mapping[str, int], heard: Heard) -> Finding:
-    """Whether what the robot needs to know comes, and often enough."""
+    """Check whether the required values arrive, and often enough."""
     check = f"{name}, status rates"
     counts = {message: len(heard.of(odrive.frame_id(axis, message))) for message in rates}
     if not any(counts.values()):
@@ -225,7 +225,7 @@ def check_rates(name: str, axis: OdriveAxis, rates: Mapping[str, int], heard: He
 
 
 def check_errors(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
-    """Standing errors, and frames that cannot be meant."""
+    """Report standing errors and invalid frames."""
     check = f"{name}, errors"
     keys = [(frame_id, False) for frame_id in odrive.frame_ids(axis)]
     reading, refused = heard.read(keys, partial(odrive.parse, axis), MotorReading())
@@ -241,7 +241,7 @@ def check_errors(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
 
 
 def check_switch(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
-    """Whether the limit switch is told at all."""
+    """Check whether the limit switch is reported at all."""
     check = f"{name}, limit switch"
     reading, _ = heard.read([(odrive.frame_id(axis, "TxSdo"), False)], partial(odrive.parse, axis), MotorReading())
     if reading.endstop_t_ns == 0:
@@ -251,7 +251,7 @@ def check_switch(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
 
 
 def parse_endpoints(text: str) -> family.Endpoints:
-    """The contents of flat_endpoints.json; ValueError says what is missing."""
+    """Parse the contents of flat_endpoints.json; ValueError says what is missing."""
     try:
         table = json.loads(text)
         ids = {str(name): int(entry["id"]) for name, entry in table["endpoints"].items() if "id" in entry}
@@ -266,7 +266,7 @@ def parse_endpoints(text: str) -> family.Endpoints:
 
 def check_parameters(name: str, axis: OdriveAxis, endpoints: family.Endpoints | None, tick_hz: int,
                      heard: Heard) -> Iterator[Finding]:
-    """All findings about parameters; without a table, that they were not asked for."""
+    """Return all findings about parameters; without a table, that they were not queried."""
     watchdog, encoder_filter = f"{name}, watchdog", f"{name}, encoder filter"
     if endpoints is None:
         yield warning(f"{name}, settings", NOT_ASKED, GIVE)
@@ -348,7 +348,7 @@ RESTART_S = 3.0                       # until its frames are there again, with t
 
 
 def stored_settings(axis: OdriveAxis, bounds: family.Bounds, endpoints: family.Endpoints) -> family.StoredSettings:
-    """The axis's watchdog, and limits where the rig knows them; KeyError names a parameter that the table lacks."""
+    """Return the axis's watchdog, and limits if the rig knows them; KeyError names a parameter that the table lacks."""
     found = [_setting(axis, endpoints.ids[WATCHDOG_ON], WATCHDOG_ON, 1.0, 1.0, 1.0, "<?"),
              _setting(axis, endpoints.ids[WATCHDOG_S], WATCHDOG_S, GOOD_S, SHORTEST_S, LONGEST_S, "<f")]
     speed_rad_s, current_a = family.speed_limit_rad_s(bounds), family.current_limit_a(bounds, axis.torque_nm_a)
@@ -392,6 +392,6 @@ def _refuse(axis: OdriveAxis, endpoints: family.Endpoints, heard: Heard) -> str:
 ODRIVE = family.MotorFamily(
     driver="odrive", axis=OdriveConfig, example=OdriveConfig(4, 1, 0), dbc=codec.DBC / "odrive.dbc", is_commanded=True,
     make_motors=make_motors, make_rules=make_rules,
-    errors=lambda axis, motor: odrive.errors_of(motor.axis_error),
+    errors=lambda axis, motor: odrive.errors_of(motor.axis_error) if motor.axis_error else (),
     is_driven=lambda axis, motor: motor.axis_state == odrive.CLOSED_LOOP, questions=questions, examine=examine,
     make_node=make_node, stored_settings=stored_settings)

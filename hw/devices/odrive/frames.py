@@ -70,84 +70,85 @@ def errors_of(axis_error: int) -> tuple[Reason, ...]:
 
 
 def name_of(axis: OdriveAxis) -> str:
-    """The device as messages name it."""
+    """Return the device's name as used in messages."""
     return f"odrive node {axis.node}"
 
 
 def frame_ids(axis: OdriveAxis) -> tuple[int, ...]:
-    """Arbitration ids (11 bits) of the frames that `parse` understands."""
+    """Return the arbitration ids (11 bits) of the frames that `parse` understands."""
     return tuple(axis.node << 5 | command for command in READINGS)
 
 
 def frame_id(axis: OdriveAxis, message: str) -> int:
-    """Arbitration id (11 bits) of one of the axis's messages."""
+    """Return the arbitration id (11 bits) of one of the axis's messages."""
     return axis.node << 5 | load_codec("odrive").base_id(message)
 
 
 def ids_sent_by(axis: OdriveAxis, node: str) -> tuple[int, ...]:
-    """Arbitration ids of all frames about this axis that the "Axis" or a "Host" sends, by the DBC file."""
+    """Return the arbitration ids of all frames about this axis that the "Axis" or a "Host" sends, from the DBC file."""
     return tuple(frame_id(axis, message) for message in load_codec("odrive").sent_by(node))
 
 
 def make_torque(axis: OdriveAxis, torque_nm: float) -> Frame:
-    """Ask for a torque at the motor shaft; also feeds the device's watchdog. BadFrame if it is not finite."""
+    """Request a torque at the motor shaft, which also feeds the device's watchdog. BadFrame if it is not finite."""
     return make(axis, "Set_Input_Torque", {"torque_nm": axis.direction * torque_nm})
 
 
 def make_state(axis: OdriveAxis, state: int) -> Frame:
-    """Ask for an axis state: IDLE, CLOSED_LOOP, ..."""
+    """Request an axis state: IDLE, CLOSED_LOOP, ..."""
     return make(axis, "Set_Axis_State", {"axis_state": state})
 
 
 def make_controller_mode(axis: OdriveAxis, control: int, input_mode: int) -> Frame:
-    """Choose what the device controls (TORQUE, ...) and how it treats its input (PASSTHROUGH, ...)."""
+    """Set what the device controls (TORQUE, ...) and how it treats its input (PASSTHROUGH, ...)."""
     return make(axis, "Set_Controller_Mode", {"control_mode": control, "input_mode": input_mode})
 
 
 def make_limits(axis: OdriveAxis, speed_rad_s: float, current_a: float) -> Frame:
     """Set the device's own limits until it restarts: beyond the speed it gives no torque, beyond 1.2 times that it
-    disarms; the current is clamped. Beyond what a frame can mean there is no limit."""
+    disarms; the current is clamped. Values too large for the frame mean no limit."""
     return make(axis, "Set_Limits", {"velocity_rev_s": min(speed_rad_s / math.tau, HIGHEST_REV_S),
                                      "current_a": min(current_a, HIGHEST_A)})
 
 
 def make_clear_errors(axis: OdriveAxis) -> Frame:
-    """Forget standing errors; the axis stays idle."""
+    """Clear standing errors; the axis stays idle."""
     return make(axis, "Clear_Errors", {"identify": 0})
 
 
 def make_estop(axis: OdriveAxis) -> Frame:
-    """Disarm at once; stands as an error until cleared."""
+    """Disarm at once; the error stands until cleared."""
     return make(axis, "Estop", {})
 
 
 def make_endstop_query(axis: OdriveAxis) -> Frame:
-    """Ask for the limit switch; the answer is a TxSdo frame, which `parse` takes."""
+    """Query the limit switch; the answer is a TxSdo frame, which `parse` accepts."""
     return make_parameter_query(axis, axis.endstop_endpoint)
 
 
 def make_parameter_query(axis: OdriveAxis, endpoint: int) -> Frame:
-    """Ask for one parameter by its number in the firmware's own table; `parse_parameter` takes the answer."""
+    """Query one parameter by its number in the firmware's own table; `parse_parameter` accepts the answer."""
     return make(axis, "RxSdo", {"opcode": SDO_READ, "endpoint": endpoint, "value": 0})
 
 
 def make_parameter_write(axis: OdriveAxis, endpoint: int, data: bytes) -> Frame:
-    """Set one parameter by its number, or call a function (no data); as long as the parameter, and not answered."""
+    """Set one parameter by its number, or call a function (no data); the data match the parameter's length. No answer
+    follows."""
     return Frame(0, frame_id(axis, "RxSdo"), struct.pack("<BHB", SDO_WRITE, endpoint, 0) + data)
 
 
 def make_version_query(axis: OdriveAxis) -> Frame:
-    """Ask who is there; the answer has the same id, and `parse_version` takes it."""
+    """Query the version; the answer has the same id, and `parse_version` accepts it."""
     return Frame(0, frame_id(axis, "Get_Version"), b"", is_remote=True)
 
 
 def make_address_query(axis: OdriveAxis) -> Frame:
-    """Ask for its serial number; the answer has the same id, and `parse_serial` takes it."""
+    """Query the serial number; the answer has the same id, and `parse_serial` accepts it."""
     return Frame(0, frame_id(axis, "Address"), b"", is_remote=True)
 
 
 def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReading:
-    """`previous` brought up to date by one frame.
+    """Return `previous` updated by one frame.
 
     A remote frame (another host's question) and an answer about another endpoint change nothing. BadFrame: wrong
     length, non-finite or implausible value, or an id that is not among `frame_ids(axis)`.
@@ -175,18 +176,18 @@ def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReadin
 
 
 def parse_version(axis: OdriveAxis, frame: Frame) -> tuple[int, int, int]:
-    """Firmware (major, minor, revision); BadFrame for anything else."""
+    """Return the firmware version (major, minor, revision); BadFrame for anything else."""
     values = _parse(axis, "Get_Version", frame)
     return int(values["firmware_major"]), int(values["firmware_minor"]), int(values["firmware_revision"])
 
 
 def parse_serial(axis: OdriveAxis, frame: Frame) -> str:
-    """The serial number as the maker prints it; BadFrame for anything else."""
+    """Return the serial number as the manufacturer prints it; BadFrame for anything else."""
     return f"{int(_parse(axis, 'Address', frame)['serial']):012X}"
 
 
 def parse_parameter(axis: OdriveAxis, frame: Frame) -> tuple[int, bytes]:
-    """The parameter's number and its four bytes (shorter ones come first); BadFrame for anything else."""
+    """Return the parameter's number and its four bytes (shorter ones come first); BadFrame for anything else."""
     values = _parse(axis, "TxSdo", frame)
     return int(values["endpoint"]), int(values["value"]).to_bytes(4, "little")
 
@@ -200,7 +201,7 @@ def _with_endstop(axis: OdriveAxis, values: Values, t_ns: int, previous: MotorRe
 
 
 def make(axis: OdriveAxis, message: str, values: Values) -> Frame:
-    """One of the messages about this axis, whichever node of the DBC file sends it."""
+    """Return one of the messages about this axis, whichever node of the DBC file sends it."""
     return Frame(0, frame_id(axis, message), load_codec("odrive").make(message, values))
 
 

@@ -31,7 +31,7 @@ DUTY_PERIOD_US, STEPS = 1025, 1024                # of REV's through-bore encode
 
 
 class SparkSettings(Struct, frozen=True):
-    """The device and the motor on it, as they really are."""
+    """The device and its motor, as they really are."""
 
     kt_nm_a: float = 0.02
     resistance_ohm: float = 0.1
@@ -67,7 +67,7 @@ class SparkNode(ReportingNode):
         self.restart(0)
 
     def restart(self, t_ns: int) -> None:
-        """Power is back: what was set is gone, turns count from 0, and STATUS_1 says that it has reset."""
+        """Restore power: settings are lost, turns count from 0, and STATUS_1 reports the reset."""
         self._is_old = self.settings.firmware[0] < spark.OLDEST_FIRMWARE
         self.is_locked = False
         self.parameters = dict(DEFAULTS)
@@ -88,12 +88,12 @@ class SparkNode(ReportingNode):
         self._plan(t_ns)
 
     def fail(self, faults: int) -> None:
-        """These faults stand from now on (0: none); they stay sticky until they are cleared."""
+        """Set the present faults (0: none); they stay sticky until they are cleared."""
         self.settings = replace(self.settings, faults=faults)
         self._sticky |= faults
 
     def clear_faults(self) -> None:
-        """Forget sticky faults and the reset, as a frame on the bus may ask."""
+        """Clear sticky faults and the reset flag, as a frame on the bus may request."""
         self.has_reset, self._sticky = False, self.settings.faults
 
     def ids(self) -> tuple[tuple[int, bool], ...]:

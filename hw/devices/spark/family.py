@@ -25,7 +25,7 @@ PULSE_NS = 10 * NS_PER_MS             # STATUS_0: how often a device says how it
 
 
 def make_rules(axis: spark.SparkAxis, each_tick: int) -> Rules:
-    """`each_tick`: how often within WINDOW_NS a frame may be sent that each tick sends once."""
+    """Return the rules; `each_tick`: how often within WINDOW_NS a frame may be sent that each tick sends once."""
     allowed = (allow(spark.make_duty(axis, 0.0), each_tick), allow(spark.make_heartbeat(()), each_tick),
                # twice: it may have reset
                allow(spark.make_setting(axis, spark.IDLE_MODE, 0.0), 2 * len(spark.PARAMETERS)),
@@ -39,12 +39,12 @@ LOOK = "look at its power and plug, and at its CAN id in REV's hardware client"
 
 
 def questions(axis: SparkAxis, endpoints: family.Endpoints | None) -> list[Frame]:
-    """Its version. STATUS_1 and STATUS_2 are turned on, and its parameters set, by the run itself."""
+    """Return the version query. The run itself turns on STATUS_1 and STATUS_2 and sets the parameters."""
     return [spark.make_version_query(axis)]
 
 
 def examine(axis: SparkAxis, check: family.AxisCheck, heard: Heard) -> Iterator[Finding]:
-    """All findings about the axis."""
+    """Return all findings about the axis."""
     yield check_firmware(check.name, axis, heard)
     yield check_status(check.name, axis, heard)
     if estimates := heard.of(spark.frame_id(axis, "STATUS_2"), extended=True):     # off before the first run
@@ -52,7 +52,7 @@ def examine(axis: SparkAxis, check: family.AxisCheck, heard: Heard) -> Iterator[
 
 
 def check_firmware(name: str, axis: SparkAxis, heard: Heard) -> Finding:
-    """Who answered the question for its version."""
+    """Check who answered the version query."""
     check = f"{name}, firmware"
     answers = heard.of(spark.frame_id(axis, "GET_FIRMWARE_VERSION"), extended=True)
     if not answers:
@@ -72,7 +72,7 @@ def check_firmware(name: str, axis: SparkAxis, heard: Heard) -> Finding:
 
 
 def check_status(name: str, axis: SparkAxis, heard: Heard) -> Finding:
-    """What its status frames say of it; that it obeys another controller is a check of its own."""
+    """Check what its status frames report; whether it obeys another controller is a separate check."""
     check = f"{name}, status"
     keys = [(frame_id, True) for frame_id in spark.frame_ids(axis)]
     reading, refused = heard.read(keys, partial(spark.parse, axis), MotorReading())
@@ -89,7 +89,7 @@ def check_status(name: str, axis: SparkAxis, heard: Heard) -> Finding:
 
 class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True, omit_defaults=True,
                   tag_field="driver", tag="spark"):
-    """A REV SPARK MAX or Flex, given duties, which follow from what the motor's data sheet says; see
+    """A REV SPARK MAX or Flex driven by duties, which follow from the motor's data sheet; see
     truearc.hw.devices.drivers."""
 
     has_endstop: bool                 # a limit switch on its data port ends the negative direction
@@ -140,8 +140,7 @@ class SparkEncoderConfig(Struct, family.HoodEncoder, frozen=True, forbid_unknown
 class SparkEncoder(family.Encoder):
     """Angles count only once the device has confirmed that one turn is 1, which it forgets in a reset.
 
-    They are older by the time that an answer of the device takes; of one that is not to be sent anything that is not
-    known.
+    They are older by the device's answer time; if nothing may be sent to it, that time is unknown.
     """
 
     def __init__(self, table: SparkEncoderConfig) -> None:
@@ -189,7 +188,7 @@ class SparkEncoder(family.Encoder):
 
 
 def make_encoder_rules(table: SparkEncoderConfig, each_tick: int) -> tuple[Rules]:
-    """Of the SPARK that has the encoder; nothing is sent to one that reports it to another controller."""
+    """Return rules of the SPARK with the encoder; nothing is sent to one that reports to another controller."""
     axis, settings = _axis(table), _settings(table)
     allowed = (allow(spark.make_setting(axis, spark.DUTY_FACTOR, 1.0), 2 * len(settings)),
                *allow_seldom([spark.make_statuses(axis, spark.ENCODER_STATUSES), spark.make_version_query(axis)]))
@@ -197,7 +196,7 @@ def make_encoder_rules(table: SparkEncoderConfig, each_tick: int) -> tuple[Rules
 
 
 def examine_encoder(table: SparkEncoderConfig, around: family.Around, heard: family.Heard) -> Iterator[Finding]:
-    """Its SPARK's firmware, and its angle where that is on: a run turns it on by itself."""
+    """Check its SPARK's firmware, and its angle if that is on; a run turns it on by itself."""
     axis = _axis(table)
     if table.period_ms:
         yield check_firmware(family.CHECK, axis, heard)

@@ -78,12 +78,12 @@ def errors_of(axis_error: int) -> tuple[Reason, ...]:
 
 
 def name_of(axis: SparkAxis) -> str:
-    """The device as messages name it."""
+    """Return the device's name as used in messages."""
     return f"spark {axis.device}"
 
 
 def settings(axis: SparkAxis, bounds: Bounds, torque_nm_a: float) -> dict[int, float]:
-    """The parameters that truearc needs, and sets after every reset. torque_nm_a: of the motor; 0: not known."""
+    """Return the parameters that truearc needs and sets after every reset. torque_nm_a: of the motor; 0: unknown."""
     limit = {REVERSE_LIMIT if axis.direction > 0 else FORWARD_LIMIT: 1.0} if axis.has_endstop else {}
     idle = {} if bounds.brakes is None else {IDLE_MODE: float(bounds.brakes)}
     current_a = current_limit_a(bounds, torque_nm_a)
@@ -91,22 +91,25 @@ def settings(axis: SparkAxis, bounds: Bounds, torque_nm_a: float) -> dict[int, f
 
 
 def frame_id(axis: SparkAxis, message: str) -> int:
-    """Arbitration id (29 bits) of one of the device's messages; the heartbeat's is the same for all devices."""
+    """Return the arbitration id (29 bits) of one of the device's messages; the heartbeat's is the same for all
+    devices."""
     return load_codec("spark").base_id(message) + (0 if message == HEARTBEAT else axis.device)
 
 
 def ids_sent_by(axis: SparkAxis, node: str) -> tuple[int, ...]:
-    """Arbitration ids of all frames about this axis that the "Spark" or a "Host" sends, by the DBC file."""
+    """Return the arbitration ids of all frames about this axis that the "Spark" or a "Host" sends, from the DBC
+    file."""
     return tuple(frame_id(axis, message) for message in load_codec("spark").sent_by(node))
 
 
 def frame_ids(axis: SparkAxis) -> tuple[int, ...]:
-    """Arbitration ids of the frames that `parse` understands."""
+    """Return the arbitration ids of the frames that `parse` understands."""
     return tuple(frame_id(axis, message) for message in READINGS)
 
 
 def make_duty(axis: SparkAxis, duty: float) -> Frame:
-    """Apply this share of the bus voltage, -1 to 1, as long as heartbeats come. BadFrame if it is not in that range."""
+    """Apply this share of the bus voltage, -1 to 1, as long as heartbeats arrive. BadFrame if it is out of that
+    range."""
     return make(axis, "DUTY_CYCLE_SETPOINT", {"duty": axis.direction * duty, "feedforward": 0, "slot": 0,
                                               "feedforward_is_duty": 0})
 
@@ -130,24 +133,24 @@ def make_setting(axis: SparkAxis, parameter: int, value: float) -> Frame:
 
 
 def make_clear_faults(axis: SparkAxis) -> Frame:
-    """Forget sticky faults and warnings, so that a later reset shows."""
+    """Clear sticky faults and warnings, so that a later reset shows."""
     return make(axis, "CLEAR_FAULTS", {})
 
 
 def make_version_query(axis: SparkAxis) -> Frame:
-    """Ask for the firmware's version, eight bytes; the answer has the same id, and `parse_version` takes it."""
+    """Query the firmware version, eight bytes; the answer has the same id, and `parse_version` accepts it."""
     return Frame(0, frame_id(axis, "GET_FIRMWARE_VERSION"), bytes(8), is_extended=True, is_remote=True)
 
 
 def setting_bits(parameter: int, value: float) -> int:
-    """A parameter's value as the 32 bits on the wire."""
+    """Return a parameter's value as the 32 bits on the wire."""
     if parameter in FLOATS:
         return int.from_bytes(struct.pack("<f", value), "little")
     return int(value)
 
 
 def setting_value(parameter: int, bits: int) -> float:
-    """What 32 bits on the wire say of a parameter; BadFrame for a float that is not finite."""
+    """Return a parameter's value from 32 bits on the wire; BadFrame for a float that is not finite."""
     if parameter not in FLOATS:
         return float(bits)
     value = float(struct.unpack("<f", bits.to_bytes(4, "little"))[0])
@@ -157,7 +160,7 @@ def setting_value(parameter: int, bits: int) -> float:
 
 
 def parse(axis: SparkAxis, frame: Frame, previous: MotorReading) -> MotorReading:
-    """`previous` brought up to date by one frame; `axis_state` is left to who knows what the device was asked.
+    """Return `previous` updated by one frame; the caller sets `axis_state`, which depends on the commands sent.
 
     A remote frame changes nothing. BadFrame: wrong length, non-finite or implausible value, or an id that is not among
     `frame_ids(axis)`.
@@ -180,7 +183,7 @@ def parse(axis: SparkAxis, frame: Frame, previous: MotorReading) -> MotorReading
 
 
 def parse_angle(axis: SparkAxis, frame: Frame, previous: AngleReading | None) -> AngleReading | None:
-    """`previous` brought up to date by one frame of an encoder on the data port; None until the first angle.
+    """Return `previous` updated by one frame of an encoder on the data port; None until the first angle.
 
     The angle is the device's, in [0, 2 pi). A fault of 1 is an encoder without a signal. Raises as `parse`.
     """
@@ -193,24 +196,25 @@ def parse_angle(axis: SparkAxis, frame: Frame, previous: AngleReading | None) ->
 
 
 def parse_applied(axis: SparkAxis, frame: Frame) -> float:
-    """The duty that a STATUS_0 frame says is applied, in the robot's sign."""
+    """Return the applied duty from a STATUS_0 frame, with the robot's sign."""
     return axis.direction * _parse(axis, "STATUS_0", frame)["applied_duty"]
 
 
 def parse_version(axis: SparkAxis, frame: Frame) -> tuple[int, int, int]:
-    """Firmware (major, minor, build) that the device says it runs."""
+    """Return the device's firmware version (major, minor, build)."""
     values = _parse(axis, "GET_FIRMWARE_VERSION", frame)
     return int(values["major"]), int(values["minor"]), int(values["build"])
 
 
 def parse_statuses(axis: SparkAxis, frame: Frame) -> int:
-    """An answer to `make_statuses`; bit n: STATUS_n is on. 0 where it was refused."""
+    """Parse an answer to `make_statuses`; bit n: STATUS_n is on. 0 if it was refused."""
     values = _parse(axis, "SET_STATUSES_ENABLED_RESPONSE", frame)
     return 0 if values["result"] else int(values["enabled"])
 
 
 def parse_setting(axis: SparkAxis, frame: Frame) -> tuple[int, float] | None:
-    """An answer to `make_setting`: the parameter and its value; None: refused, or a parameter that is never set."""
+    """Parse an answer to `make_setting`: the parameter and its value; None: refused, or a parameter that is never
+    set."""
     values = _parse(axis, "PARAMETER_WRITE_RESPONSE", frame)
     parameter = int(values["parameter"])
     if parameter not in PARAMETERS or values["result"]:
@@ -231,7 +235,7 @@ def _with_status_0(axis: SparkAxis, values: Values, t_ns: int, previous: MotorRe
 
 
 def make(axis: SparkAxis, message: str, values: Values) -> Frame:
-    """One of the messages about this axis, whichever node of the DBC file sends it."""
+    """Return one of the messages about this axis, whichever node of the DBC file sends it."""
     return Frame(0, frame_id(axis, message), load_codec("spark").make(message, values), is_extended=True)
 
 
@@ -252,12 +256,12 @@ DEVICES = 0x3F
 
 
 def is_controller_heartbeat(frame: Frame) -> bool:
-    """Whether a robot controller (roboRIO, Systemcore) says here that it is alive."""
+    """Return whether this is the heartbeat of a robot controller (roboRIO, Systemcore)."""
     return frame.is_extended and frame.arbitration_id == CONTROLLER_HEARTBEAT
 
 
 def locked_spark(frame: Frame) -> int | None:
-    """The number of the SPARK that says here that it is locked to a robot controller; None for any other frame."""
+    """Return the number of the SPARK that reports a lock to a robot controller here; None for any other frame."""
     device = SparkAxis(frame.arbitration_id & DEVICES, 1, False)
     if not frame.is_extended or frame.arbitration_id != frame_id(device, "STATUS_0"):
         return None

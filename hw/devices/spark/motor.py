@@ -17,9 +17,10 @@ STALE_NS = 100 * MS                   # what is older than this is not driven by
 
 
 class SparkSetup:
-    """Some status frames and parameters of one device.
+    """The required status frames and parameters of one device.
 
-    statuses: bit n: STATUS_n. settings: parameter -> value. takers: message -> what takes its frame; BadFrame from it.
+    statuses: bit n: STATUS_n. settings: parameter -> value. takers: message -> handler of its frame, which may raise
+    BadFrame.
     """
 
     def __init__(self, axis: spark.SparkAxis, statuses: int, settings: Mapping[int, float]) -> None:
@@ -31,7 +32,7 @@ class SparkSetup:
         self.forget()
 
     def forget(self) -> None:
-        """Whatever was confirmed may be lost."""
+        """Treat everything that was confirmed as possibly lost."""
         self._version: tuple[int, int, int] | None = None
         self._statuses_on = False
         self._unset = dict(self._settings)        # settings that the device has not confirmed
@@ -41,7 +42,7 @@ class SparkSetup:
         return self._speaks_our_frames() and self._statuses_on and not self._unset
 
     def frames(self, t_ns: int, heard_ns: int) -> list[Frame]:
-        """Once a tick: the next question on the way to a device that is ready; none while an answer may still come.
+        """Return, once a tick, the next query towards a device that is ready; none while an answer may still arrive.
 
         heard_ns: when a status frame of those last came. Where they were on and stay away the device has been reset.
         """
@@ -57,7 +58,7 @@ class SparkSetup:
         return [spark.make_setting(self._axis, parameter, value) for parameter, value in self._unset.items()]
 
     def fault(self) -> Reason | None:
-        """Why the device is not ready."""
+        """Return why the device is not ready."""
         device = self._axis.device
         if self._version is None:
             return codes.SPARK_FIRMWARE_UNKNOWN(spark=device)
@@ -74,7 +75,7 @@ class SparkSetup:
         return self._version is not None and (spark.OLDEST_FIRMWARE <= self._version[0] <= spark.NEWEST_FIRMWARE)
 
     def take_version(self, frame: Frame) -> None:
-        """An answer to its question who the device is; BadFrame for anything else."""
+        """Take an answer to the version query; BadFrame for anything else."""
         spoke, self._version = self._speaks_our_frames(), spark.parse_version(self._axis, frame)
         if self._speaks_our_frames() and not spoke:
             self._asked_ns = -RETRY_NS            # the next question need not wait
@@ -87,7 +88,7 @@ class SparkSetup:
             self._asked_ns = -RETRY_NS
 
     def take_setting(self, frame: Frame) -> tuple[int, float] | None:
-        """An answer to a parameter that was written; as spark.parse_setting."""
+        """Take an answer to a parameter write; raises as spark.parse_setting does."""
         answer = spark.parse_setting(self._axis, frame)
         if answer is None or answer[0] not in self._unset:
             return answer
@@ -122,7 +123,7 @@ class SparkHeartbeat:
         return (self._make(devices, t_ns),)
 
     def drop(self, device: int, t_ns: int) -> Frame:
-        """Disable one device now, whether or not that has been said."""
+        """Disable one device now, whether or not that was already sent."""
         return self._make(self._devices - {device}, t_ns)
 
     def _make(self, devices: frozenset[int], t_ns: int) -> Frame:
@@ -131,7 +132,7 @@ class SparkHeartbeat:
 
 
 class SparkMotor(AskedMotor):
-    """A Motor that turns torques into duties.
+    """A Motor that converts torques to duties.
 
     It drives only a device whose firmware it knows, whose status frames and settings it has seen confirmed, whose
     readings are fresh and which has no error. A reset loses all of that: it shows as status frames that stop, whereupon

@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Return 0 when the round is done, whatever it reports; InputError where something was tampered with."""
+    """Return 0 when the round is done, whatever it reports; InputError if anything was tampered with."""
     role = args.role or "playing all roles"
     refuse(args, tuple(option for option in OPTIONS if option not in APPLY[args.role]), f"{role} does not use it")
     for name, value in DEFAULTS.items():

@@ -25,7 +25,7 @@ from truearc_proof.rounds.worlds import OWN
 
 
 def solve_apart(args: argparse.Namespace, out: str) -> None:
-    """The solver, in a process of its own."""
+    """Run the solver in a process of its own."""
     more = ["--processes", str(args.processes)] if args.processes else []
     more += ["--quiet"] if args.quiet else []
     more += ["--rivals", args.rivals] if args.rivals and args.role is None else []
@@ -35,7 +35,7 @@ def solve_apart(args: argparse.Namespace, out: str) -> None:
 
 
 def check_packed(args: argparse.Namespace, room: Room) -> None:
-    """Make the data and marks of a round again and print the comparison.
+    """Recreate the data and marks of a round and print the comparison.
 
     Raises:
         InputError: something differs from the commitments.

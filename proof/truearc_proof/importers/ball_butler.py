@@ -35,12 +35,12 @@ FARTHEST = 2**53                      # of frames and mm: beyond, neighbours are
 
 
 def import_ball_butler(*files: str | Path) -> Dataset:
-    """Read one recording (JSON) or one CSV file of sampled flights; one shot a flight, all its samples kept.
+    """Read one recording (JSON) or one CSV file of sampled flights; one shot per flight, with all its samples.
 
-    Of a recording a shot is the longest free flight of a marker; file and marker name it. Frame: z up as measured; x
-    along the mean horizontal direction of the flights, y to its left, both from where flights begin (the middle one).
+    From a recording, a shot is the longest free flight of a marker, named by file and marker. Frame: z up as measured;
+    x along the mean horizontal direction of the flights, y to its left, both from where flights begin (the middle one).
     `t_s` counts from each flight's first sample. `session`: the recording's name, or a shot_id up to its dash.
-    InputError names the file, and in it the key, or line and column, of what is bad.
+    InputError names the file, and the key, or line and column, of each bad value.
     """
     path = Path(files[0])
     if path.suffix.lower() == ".json":
@@ -103,9 +103,9 @@ class _Recording(Struct, rename="pascal"):
 def load_free_flights(path: Path) -> dict[str, Float[np.ndarray, "_ 4"]]:
     """Return the longest free flight of each marker of a recording that Qualisys Track Manager exported (JSON).
 
-    By the marker's name: t_s from the recording's begin, then x, y, z in m. Axes as in the recording, z up. A marker
-    that never flies has no samples. InputError: no such recording, two markers of one name, a frequency, frame or place
-    out of range.
+    By marker name: t_s from the start of the recording, then x, y, z in m. Axes as in the recording, z up. A marker
+    that never flies has no samples. InputError: no such recording, two markers of one name, or a frequency, frame or
+    position out of range.
     """
     try:
         recording = msgspec.json.decode(path.read_bytes(), type=_Recording)

@@ -74,7 +74,7 @@ class _Drop:
 
 
 def import_ball_drops(*files: str | Path) -> Dataset:
-    """Read one CSV file, or the workbook and the list of balls; one shot a drop, all samples kept.
+    """Read one CSV file, or the workbook and the list of balls; one shot per drop, with all samples.
 
     InputError names file, line and column of each bad row.
 
@@ -128,7 +128,8 @@ def _bodies(table: RawTable, ball: tuple[str, ...], problems: Problems) -> np.nd
 
 
 def load_sheets(workbook: Path, balls: Path, problems: Problems) -> list[RawTable]:
-    """A table a ball; lines are the sheet's rows, from 1. InputError names the file, sheet or line that is no such."""
+    """Return a table for each ball; lines are the sheet's rows, from 1. InputError names an invalid file, sheet or
+    line."""
     bodies = _listed_bodies(balls, problems)
     problems.close()
     return [_sheet(part(workbook, f"sheet {sheet.title}"), sheet, bodies, balls)
@@ -199,11 +200,11 @@ def _scaled(word: str, factor: float, place: str, problems: Problems) -> Cell:
 def import_sepia_drops(*files: str | Path) -> Dataset:
     """Read a table of drops, or the three files of the tutorial: times, heights, radii.
 
-    One shot a drop, from rest, of a ball with its own mass_kg and radius_m. Every ball fell to the floor; all are put
-    where the highest was dropped, with the height at which each was timed above the floor.
+    One shot per drop, from rest, of a ball with its own mass_kg and radius_m. Every ball fell to the floor; all start
+    at the greatest drop height, and each time's height is measured above the floor.
 
     Raises:
-        InputError: names file and line of what is not a number or cannot be, or files whose sizes do not match.
+        InputError: names file and line of an invalid number, or files whose sizes do not match.
     """
     paths = [Path(file) for file in files]
     drops = _sepia_table(paths[0]) if len(paths) == 1 else _tutorial(*paths)

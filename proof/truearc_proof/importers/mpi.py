@@ -141,9 +141,9 @@ def _before_bounce(samples: np.ndarray) -> np.ndarray:
 
 
 def load_recording(path: Path, problems: Problems) -> list[tuple[RawTable, RawTable]]:
-    """Launch and track of each group, by number; a bad number's line is its place in the launch's array, from 1.
+    """Load launch and track of each group, by number; a bad number's line is its index in the launch's array, from 1.
 
-    InputError where the file cannot be read or a group has not what it needs.
+    InputError if the file cannot be read or a group is incomplete.
     """
     try:
         with h5py.File(path, "r") as file:

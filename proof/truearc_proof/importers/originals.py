@@ -19,12 +19,12 @@ C_COMMENT = r"/\*.*?\*/|//[^\n]*"       # C++ and Java
 
 
 def matching(path: Path, pattern: str, within: str = r".*") -> RawTable:
-    """A row for each match of the pattern outside comments; its named groups are the columns.
+    """Return a row for each match of the pattern outside comments; its named groups are the columns.
 
-    within: where the table is in the program text; the first match counts.
+    within: location of the table in the program text; the first match counts.
 
-    Let the groups take whatever stands where a number should, so that what is none is named and not passed over.
-    InputError where nothing matches.
+    Groups should accept any text in place of a number, so that an invalid one is named, not passed over. InputError if
+    nothing matches.
     """
     code = re.sub(C_COMMENT, lambda found: "\n" * found[0].count("\n"), text_of(path), flags=re.DOTALL)
     table = re.search(within, code, flags=re.DOTALL)
@@ -38,9 +38,10 @@ def matching(path: Path, pattern: str, within: str = r".*") -> RawTable:
 
 
 def json_rows(text: str, path: Path, key: str, names: Sequence[str]) -> RawTable:
-    """The list of objects under `key`, one a row, each with all `names`; a row's line is that of its first name.
+    """Return the list of objects under `key`, one per row, each with all `names`; a row's line is that of its first
+    name.
 
-    InputError when it is not there.
+    InputError if it is missing.
     """
     try:
         rows = json.loads(text)[key]
@@ -54,7 +55,8 @@ def json_rows(text: str, path: Path, key: str, names: Sequence[str]) -> RawTable
 
 
 def scaled(cells: Sequence[Cell], factor: float) -> list[Cell]:
-    """Cells, or products of numbers such as `4.0 * 12.0`, in another unit; one that is none stays, to be named."""
+    """Convert cells, or products of numbers such as `4.0 * 12.0`, to another unit; an invalid cell stays, to be
+    named."""
     numbers = [_product(cell) for cell in cells]
     return [cell if number is None or not math.isfinite(number) else number * factor
             for cell, number in zip(cells, numbers, strict=True)]
@@ -68,7 +70,8 @@ def _product(cell: Cell) -> float | None:
 
 def group_rows(keys: Sequence[Key], t_s: np.ndarray, table: RawTable, problems: Problems, what: str
                ) -> dict[Key, list[int]]:
-    """Rows of each key, in the order of their first ones; within one the times must grow. what: a key is of that."""
+    """Group rows by key, in order of first appearance; times must increase within a group. what: what a key
+    identifies."""
     rows_of: dict[Key, list[int]] = {}
     for row, key in enumerate(keys):
         rows = rows_of.setdefault(key, [])
@@ -79,11 +82,11 @@ def group_rows(keys: Sequence[Key], t_s: np.ndarray, table: RawTable, problems: 
 
 
 def tracks_of(samples: Sequence[np.ndarray]) -> Tracks:
-    """Tracks of shots, each of samples [k, 4]: t_s x_m y_m z_m."""
+    """Return tracks of shots, each of samples [k, 4]: t_s x_m y_m z_m."""
     stacked = np.concatenate(samples) if samples else np.zeros((0, 4))
     return Tracks(np.repeat(np.arange(len(samples)), [len(one) for one in samples]), *stacked.T)
 
 
 def part(path: Path, name: str) -> Path:
-    """How messages name a part of a file: a sheet, a group, one of its versions."""
+    """Return how messages name a part of a file: a sheet, a group, one of its versions."""
     return Path(f"{path}, {name}")

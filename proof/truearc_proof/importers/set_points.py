@@ -1,6 +1,7 @@
-"""Importers of set points published by FRC teams, each taken as a shot through the middle of the goal, and exit speeds.
+"""Importers of exit speeds and set points published by FRC teams.
 
-proof/IMPORTERS.md describes the columns, their origin, and the assumptions about each robot.
+Each set point is taken as a shot through the middle of the goal. proof/IMPORTERS.md describes the columns, their
+origin, and the assumptions about each robot.
 """
 
 import math
@@ -52,7 +53,7 @@ DISTANCE_M = 0.05
 
 
 def load_254(path: Path, problems: Problems) -> RawTable:
-    """`Constants.java` or a table in CSV; rows of the Java file that repeat another are taken once."""
+    """Load `Constants.java` or a CSV table; repeated rows of the Java file are taken once."""
     if path.suffix != ".java":
         return load_table(path, problems)
     found = matching(path, HOOD_254)
@@ -72,7 +73,7 @@ def load_254(path: Path, problems: Problems) -> RawTable:
 
 
 def is_extrapolated(point: Point, table: list[Point]) -> bool:
-    """Whether this is a table's last point, BEYOND_IN from the one before and in line with the two before."""
+    """Return whether this is a table's last point, BEYOND_IN from the previous one and in line with the two before."""
     known = sorted((x, y) for x, y in table if x is not None and y is not None)
     if len(known) < 3 or point != known[-1]:
         return False
@@ -81,7 +82,7 @@ def is_extrapolated(point: Point, table: list[Point]) -> bool:
 
 
 def load_2910(path: Path, problems: Problems) -> RawTable:
-    """`TargetWithShooterCommand.java` or a table in CSV."""
+    """Load `TargetWithShooterCommand.java` or a CSV table."""
     if path.suffix != ".java":
         return load_table(path, problems)
     found = matching(path, TUNING_2910)
@@ -94,7 +95,7 @@ def load_2910(path: Path, problems: Problems) -> RawTable:
 
 
 def load_3476(path: Path, problems: Problems) -> list[RawTable]:
-    """Dated versions: in one CSV, or one after the other out of a clone's history; a JSON file has no date."""
+    """Load dated versions: from one CSV, or in order from a clone's history; a JSON file has no date."""
     if path.is_dir():
         return _history(path)
     if path.suffix == ".json":
@@ -138,8 +139,11 @@ def _git(clone: Path, *words: str) -> str:
 
 @dataclass(frozen=True)
 class Robot:
-    """How one team's numbers are read. elevation_deg: of its `hood_raw`; `taken`: tables of it, by the ball they are
-    for; a wheel of WHEEL_M runs against a hood that stands still. load: its own files, or CSV."""
+    """How one team's numbers are read.
+
+    elevation_deg: of its `hood_raw`; `taken`: its tables, by the ball they are for; a wheel of WHEEL_M runs against a
+    fixed hood. load: its own files, or CSV.
+    """
 
     team: str
     taken: dict[str, str]
@@ -154,9 +158,9 @@ ROBOT_2910 = Robot("2910", {"west_valley": "", "shooter_tuning": ""}, lambda raw
 
 
 def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
-    """One shot a set point, in the file's order; `ball_quality` where the team says for which ball it was tuned.
+    """Return one shot per set point, in the file's order; `ball_quality` if the team names the ball it was tuned for.
 
-    InputError names file, line and column of each bad row. Set points that the team itself extrapolated are left out.
+    InputError names file, line and column of each bad row. Set points that the team itself extrapolated are omitted.
     """
     with gathered() as problems:
         table = robot.load(Path(tables), problems)
@@ -184,7 +188,7 @@ import_254, import_2910 = (partial(import_set_points, robot=robot) for robot in 
 
 
 def import_3476(history: str | Path) -> Dataset:
-    """Team 3476 (2021): dated versions of one table; a shot for each set point that a version changed.
+    """Import team 3476 (2021): dated versions of one table; a shot for each set point that a version changed.
 
     `t_s` counts from the first version. Set points that a version kept are left out. All versions
     in one CSV, or a clone of the team's repository; one version alone can be read from its own shooterconfig.json.
@@ -255,7 +259,8 @@ NO_ELEVATION_DEG = 45.0               # placeholder where none was noted: no spe
 
 
 def import_971(speeds: str | Path) -> Dataset:
-    """Team 971 (2020): what a ball leaves with for each speed of the two wheels beside it; CSV or their constants.cc.
+    """Import team 971 (2020): exit speed for each speed of the two wheels beside the ball; CSV or their
+    constants.cc.
 
     InputError names file, line and column of each bad row.
     """

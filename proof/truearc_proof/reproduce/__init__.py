@@ -44,12 +44,12 @@ class Settings:
 
     @property
     def each(self) -> int:
-        """Configurations of the commonest outcome in a draw."""
+        """Number of configurations of the most common outcome in a draw."""
         return -(-self.configurations // 3)
 
 
 def quick(base_seed: int, draws: int) -> Settings:
-    """Sizes that take minutes: enough to see every table and picture, not enough to conclude anything."""
+    """Return sizes that take minutes: enough to see every table and picture, not enough for conclusions."""
     return Settings(base_seed=base_seed, draws=draws, configurations=30, transfer=12, repeats=5, practice_trials=20,
                     session_rows=10, pool_each=12, most_rounds=4, launched=30, sizes=(0, 500, 900),
                     weights=(0.001, 0.01, 0.1, 10.0), grid_step=0.02, steps=200_000, patience=50_000)

@@ -1,11 +1,10 @@
 """Recordings for a reproduction (practice, aimed and simulated configurations), and the draws of each repetition.
 
-Every session follows from the settings and the earlier sessions, so an interrupted collection continues where it
-stopped.
+The settings and the earlier sessions determine every session, so an interrupted collection resumes where it stopped.
 
 The crew aims for hits, near misses and misses in similar numbers and learns from its own marks. Speeds are those of
-vacuum ballistics times a correction, a quadratic in distance and elevation fitted to the marks. No drag, lift or wheel
-slip is assumed, so the choice of configurations favours no simulator.
+vacuum ballistics, corrected by a quadratic in distance and elevation fitted to the marks. No drag, lift or wheel slip
+is assumed, so the choice of configurations favours no simulator.
 """
 
 import json
@@ -59,12 +58,12 @@ LAUNCHABLE = {"distance_m": (2.0, 9.2), "motor_ratio": RATIOS, "hood_deg": (15.0
 
 
 def learn_aiming(rig: Rig, shots: Shots) -> np.ndarray | None:
-    """log(wheels' speed / vacuum's speed to the centre) that hits the centre, as terms [6] times levers.
+    """Return log(wheel speed / vacuum speed to the centre) that hits the centre, as terms [6] times levers.
 
     From marked shots (`side`, `outcome`), by maximum likelihood; None while all misses are on one side.
 
-    A shot passes gain x (log speed - terms . levers) above the centre, with a scatter that is fitted too; a mark says
-    between which bounds. Some of what is high enough for the three passes beside it: that share is fitted as well.
+    A shot passes gain x (log speed - terms . levers) above the centre, with a scatter that is also fitted; a mark gives
+    the bounds. Some shots at the right height for the three pass beside it: that share is fitted as well.
     """
     assert rig.target is not None
     columns = [shots.number(name) for name in ("distance_m", "hood_deg", "motor_ratio")]
@@ -108,7 +107,7 @@ def _first_guess(log_speed: np.ndarray, levers: np.ndarray, cells: np.ndarray) -
 
 
 def intentions(lacking: Mapping[str, int]) -> dict[str, float]:
-    """Share of the next configurations to be meant for each outcome, by how many of it are lacking (sums to 1)."""
+    """Return the share of the next configurations meant for each outcome, by the number still lacking (sums to 1)."""
     tries = {outcome: TRIES[outcome] * max(lacking[outcome], 0) for outcome in TRIES}
     total = sum(tries.values())
     return {outcome: count / total if total else 1.0 / len(tries) for outcome, count in tries.items()}
@@ -116,9 +115,9 @@ def intentions(lacking: Mapping[str, int]) -> dict[str, float]:
 
 def propose(rig: Rig, collect: Collect, aiming: np.ndarray, shares: Mapping[str, float], count: int,
             rng: np.random.Generator) -> list[Prescribed]:
-    """`count` configurations this launcher can be set to, `shares` of them meant for each outcome.
+    """Return `count` configurations that this launcher can be set to, `shares` of them meant for each outcome.
 
-    By distance, so that little time is spent on driving.
+    Sorted by distance, so that little time is spent on driving.
     """
     rows: list[Prescribed] = []
     while len(rows) < count:
@@ -173,7 +172,7 @@ def _levers(distance_m: np.ndarray, hood_deg: np.ndarray) -> np.ndarray:
 
 
 class Recording(NamedTuple):
-    """One session to be recorded."""
+    """One session to record."""
 
     name: str
     config: Config
@@ -182,10 +181,10 @@ class Recording(NamedTuple):
 
 
 class Pool(NamedTuple):
-    """Legitimate configurations: `real` as the crew chose them, `launched` simulated ones really shot.
+    """Legitimate configurations: `real` as the crew chose them, `launched` simulated ones that were really shot.
 
-    `launched` has a text column `simulated`, what the simulator that they were drawn with says of each;
-    `coefficients` are that simulator's.
+    `launched` has a text column `simulated`, the outcome from the simulator that drew them; `coefficients` are that
+    simulator's.
     """
 
     real: Dataset
@@ -197,16 +196,16 @@ Record = Callable[[Sequence[Recording], str], list[Path]]
 
 
 def collect(config: Config, settings: Settings, record: Record, progress: Progress) -> Pool:
-    """Record (or find recorded) all that the analysis draws from."""
+    """Record (or find recorded) everything that the analysis draws from."""
     real = collect_real(config, settings, record)
     launched, coefficients = launch_simulated(config, settings, real, record, progress)
     return Pool(real, launched, coefficients)
 
 
 def collect_real(config: Config, settings: Settings, record: Record) -> Dataset:
-    """Practice, then rounds of aimed configurations until every outcome has `pool_each` legitimate ones.
+    """Record practice, then rounds of aimed configurations until every outcome has `pool_each` legitimate ones.
 
-    InputError when `most_rounds` rounds do not give enough for a draw.
+    InputError if `most_rounds` rounds do not give enough for a draw.
     """
     loose = replace(config, collect=replace(config.collect, repeats=1, spread=PRACTICE_SPREAD))
     practice = record([Recording(f"practice-{number}", loose, settings.practice_trials, _seed(settings, 0, number))
@@ -229,7 +228,7 @@ def collect_real(config: Config, settings: Settings, record: Record) -> Dataset:
 
 
 def labels(sessions: Sequence[Path], name: str, settings: Settings) -> Dataset:
-    """One row a legitimate configuration of the sessions, labelled by the paper's rule (section IV-A)."""
+    """Return one row per legitimate configuration of the sessions, labelled by the paper's rule (section IV-A)."""
     shots = shots_from_sessions(sessions, name, telemetry=False)
     return label_by_repeatability(shots, math.ceil(MARKED_SHARE * settings.repeats))
 
@@ -265,7 +264,7 @@ def _seed(settings: Settings, group: int, number: int) -> int:
 
 def launch_simulated(config: Config, settings: Settings, real: Dataset, record: Record,
                      progress: Progress) -> tuple[Dataset, dict[str, dict[str, float]]]:
-    """Launch an even sample of the simulator's configurations, fitted as the first draw does; (labelled, simulator).
+    """Launch an even sample of the configurations of the first draw's simulator; return (labelled, simulator).
 
     InputError when fewer than `transfer` turn out legitimate.
     """
@@ -285,7 +284,8 @@ def launch_simulated(config: Config, settings: Settings, real: Dataset, record: 
 
 def choose_launches(rig: Rig, coefficients: dict[str, dict[str, float]], real: Shots, count: int, seed: int,
                     progress: Progress) -> tuple[Shots, np.ndarray]:
-    """`count` configurations of the paper's grid that the robot can shoot, even by simulated outcome; and that."""
+    """Return `count` configurations of the paper's grid that the robot can shoot, even by simulated outcome; and that
+    outcome."""
     outcomes = label_grid(rig, coefficients, progress)
     barred = np.zeros(len(outcomes), bool)
     barred[taken_configurations(real)] = True
@@ -317,7 +317,8 @@ def _launches(config: Config, settings: Settings, chosen: Shots,
 class Draw(NamedTuple):
     """Row numbers: `train` and `test` of the real pool, `transfer` of the launched one; each even by outcome.
 
-    `validation` is a part of `train`: it says when to stop training, and is fitted by what needs no stopping.
+    `validation` is a part of `train` that decides when to stop training; models without such stopping are also fitted
+    to it.
     """
 
     train: np.ndarray
@@ -327,9 +328,9 @@ class Draw(NamedTuple):
 
 
 def draw(real: Shots, launched: Shots | None, settings: Settings, number: int) -> Draw:
-    """The repetition of that number, from 0; the same settings and pools give the same draw.
+    """Return the repetition of that number, from 0; the same settings and pools give the same draw.
 
-    D_r is even by outcome, D_s^T by what the simulator said of it. Without `launched`, `transfer` is empty.
+    D_r is even by outcome, D_s^T by the simulator's outcome. Without `launched`, `transfer` is empty.
     """
     rng = np.random.default_rng([settings.base_seed, number, 33])
     chosen = _even(np.array(real.text("outcome")), settings.configurations, rng)
@@ -357,7 +358,7 @@ def _even(outcomes: np.ndarray, count: int, rng: np.random.Generator) -> np.ndar
 
 
 def exit_seed(rig: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
-    """Launch of the two-wheel rig at motor speed / free speed and elevation.
+    """Return the launch of the two-wheel rig at motor speed / free speed and elevation.
 
     The paper's Eq. 11 and 12, the latter with its own factor (twice the spin of a ball that does not slip).
     Raises InputError when the rig has no free speed or not one wheel above and one below.

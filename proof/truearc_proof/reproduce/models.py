@@ -46,7 +46,7 @@ Choices = dict[str, list[int] | list[float]]
 
 
 class Task(NamedTuple):
-    """What one repetition needs; travels to whatever process or machine runs it."""
+    """What one repetition needs; it can be sent to any process or machine."""
 
     real: Shots
     launched: Shots
@@ -109,7 +109,8 @@ def run_repetition(task: Task) -> Repetition:
 
 def simulated_sets(rig: Rig, coefficients: dict[str, dict[str, float]], train: Shots, settings: Settings,
                    seed: int) -> dict[int, Rows]:
-    """D_s of every size asked for, each an even draw of its own from the grid, none at a configuration of `train`."""
+    """Return D_s of every requested size, each drawn evenly and separately from the grid, without configurations of
+    `train`."""
     outcomes = label_grid(rig, coefficients)
     taken = taken_configurations(train)
     sets = {}
@@ -121,7 +122,7 @@ def simulated_sets(rig: Rig, coefficients: dict[str, dict[str, float]], train: S
 
 
 def our_predictions(rig: Rig, train: Shots, asked: Rows, seed: int) -> dict[str, np.ndarray]:
-    """Our gate's, from the same configurations and labels as everybody else's, and nothing besides."""
+    """Return our gate's predictions, from the same configurations and labels as all others use, and nothing else."""
     split = Dataset("training split", rig, train)
     belief = fit_map(split, OUR_TERMS).belief
     return {OURS: train_physics_gate(rig, belief, train, seed, "training split")[0].probabilities(asked.features)}
@@ -135,7 +136,7 @@ def _rows(*shots: Shots) -> Rows:
 
 
 def fit_baselines(rows: Rows, seed: int) -> dict[str, Predict]:
-    """name -> function from features [n, 3] to p [n, 2]; the same rows and seed give the same functions."""
+    """Return name -> function from features [n, 3] to p [n, 2]; the same rows and seed give the same functions."""
     return {"logistic regression": _fit_tuned(_logistic(), rows, seed),
             "gradient-boosted trees": _fit_tuned(_trees(seed), rows, seed),
             "Gaussian process": _predictor(_fit_process(rows, seed))}
@@ -187,7 +188,7 @@ def _predictor(model: Pipeline | GridSearchCV) -> Predict:
 
 
 class Answer(NamedTuple):
-    """One network's p [70, 2] on the test rows, its least validation loss and the epoch of that."""
+    """One network's p [70, 2] on the test rows, its lowest validation loss and the epoch of that loss."""
 
     p: np.ndarray
     validation_loss: float
@@ -195,14 +196,15 @@ class Answer(NamedTuple):
 
 
 def settings_of(settings: Settings) -> list[SweepSetting]:
-    """Table II's and Figure 10's, each once."""
+    """Return the settings of Table II and Figure 10, each once."""
     return list(dict.fromkeys([*(SweepSetting(size, settings.best_weight) for size in settings.sizes),
                                *(SweepSetting(settings.best_size, weight) for weight in settings.weights)]))
 
 
 def train_networks(repetitions: Sequence[Repetition], settings: Settings,
                    progress: Progress) -> list[dict[SweepSetting, Answer]]:
-    """One answer for each setting, repetition by repetition; first weights and minibatches follow the repetition."""
+    """Return one answer per setting, repetition by repetition; initial weights and minibatches depend on the
+    repetition."""
     wanted = settings_of(settings)
     jobs = [Job(one.learn, one.simulated.get(setting.size), one.validation, setting.weight,
                 1000 * settings.base_seed + one.number) for one in repetitions for setting in wanted]
@@ -251,9 +253,9 @@ class Metrics(NamedTuple):
 
 
 def measure(p: np.ndarray, labels: np.ndarray) -> Metrics:
-    """All metrics of predictions p [n, 2] with labels [n, 2] of 0 and 1.
+    """Compute all metrics of predictions p [n, 2] with labels [n, 2] of 0 and 1.
 
-    A row called three but not two has no outcome and is wrong.
+    A row labelled three but not two has no outcome and is wrong.
     """
     said, was = p >= CUT, labels >= 0.5
     three, two = (_of_class(said, was, outcome) for outcome in ("three", "two"))
@@ -281,7 +283,7 @@ class Interval(NamedTuple):
 
 
 def interval(values: np.ndarray, seed: int = 0) -> Interval:
-    """Of one value a repetition; NaN rows are left out, and fewer than two leave the bounds NaN.
+    """Return the interval of one value per repetition; NaN rows are omitted, and fewer than two leave the bounds NaN.
 
     For a paired comparison pass the differences. Repetitions that draw from one pool overlap, so the interval covers
     new draws from these recordings; one that covered new recordings would be wider.
@@ -310,7 +312,7 @@ class Figure(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """Ours minus the other's, paired by repetition; `better`: the whole interval is on the good side of 0."""
+    """Ours minus the other's, paired by repetition; `better`: the whole interval is on the better side of 0."""
 
     where: str
     metric: str
@@ -324,18 +326,18 @@ class Difference(NamedTuple):
 
 @dataclass(frozen=True)
 class Analysis:
-    """All figures, and what follows from them."""
+    """All figures, and the results derived from them."""
 
     figures: tuple[Figure, ...]
     differences: tuple[Difference, ...]
 
     def values(self, model: str, where: str, metric: str) -> np.ndarray:
-        """One value a repetition, in order; empty when there is no such model."""
+        """Return one value per repetition, in order; empty if there is no such model."""
         return np.array([getattr(figure.metrics, metric) for figure in self.figures
                          if figure.model == model and figure.where == where])
 
     def models(self) -> list[str]:
-        """Names of all models, the networks' settings apart, in the order in which they came."""
+        """Names of all models except the networks' settings, in order of appearance."""
         return list(dict.fromkeys(figure.model for figure in self.figures if not figure.model.startswith(NETWORK)))
 
 
@@ -348,7 +350,7 @@ def network_name(setting: SweepSetting) -> str:
 
 def analyse(repetitions: Sequence[Repetition], answers: Sequence[dict[SweepSetting, Answer]],
             settings: Settings) -> Analysis:
-    """Figures of every model in every repetition, and ours against all others where there is ours."""
+    """Return the figures of every model in every repetition, and ours against all others if ours exists."""
     figures: list[Figure] = []
     for one, networks in zip(repetitions, answers, strict=True):
         for name, p in one.predictions.items():
@@ -389,7 +391,7 @@ def _differences(analysis: Analysis, settings: list[SweepSetting]) -> list[Diffe
 
 
 def best_by_test(analysis: Analysis, settings: list[SweepSetting], where: str, metric: str) -> SweepSetting:
-    """The one setting with the best mean over repetitions on the very rows that it is judged by."""
+    """Return the setting with the best mean over repetitions on the very rows that judge it."""
     sign = -1.0 if metric in LOW_IS_GOOD else 1.0
     means = {setting: _mean(analysis.values(network_name(setting), where, metric)) for setting in settings}
     return max(settings, key=lambda setting: -np.inf if np.isnan(means[setting]) else sign * means[setting])

@@ -53,7 +53,7 @@ SCHEMA = "truearc.reproduction/1"
 
 
 def make_tables(repetitions: Sequence[Repetition], analysis: Analysis, settings: Settings) -> list[Table]:
-    """Table I, Table II, Figure 9 and 10 as numbers, every model's metrics, and ours against the others."""
+    """Return Tables I and II, Figures 9 and 10 as numbers, every model's metrics, and ours against the others."""
     tables = [table_one(repetitions), coefficients_table(repetitions), table_two(analysis, settings),
               figure_nine(analysis, settings), figure_ten(analysis, settings), models_table(analysis)]
     if OURS in analysis.models():
@@ -126,7 +126,7 @@ def figure_ten(analysis: Analysis, settings: Settings) -> Table:
 
 
 def models_table(analysis: Analysis) -> Table:
-    """Every model on everything, the best in each column marked."""
+    """Return every model's metrics, with the best in each column marked."""
     metrics = figures.Metrics._fields
     rows = tuple((model, *(_over(analysis, model, EVERYTHING, metric) for metric in metrics))
                  for model in analysis.models())
@@ -137,7 +137,7 @@ def models_table(analysis: Analysis) -> Table:
 
 
 def in_short(tables: Sequence[Table]) -> list[Table]:
-    """For the terminal: of our gate's differences those on all rows only."""
+    """Return a summary for the terminal: only our gate's differences on all rows."""
     return [one._replace(rows=tuple(row for row in one.rows if row[0] == EVERYTHING))
             if one.title == DIFFERENCES else one for one in tables]
 
@@ -176,7 +176,7 @@ def _twice(found: Interval, form: str, unit: str = "", factor: float = 1.0) -> s
 
 
 def draw_deviations(repetitions: Sequence[Repetition], three_m: float, two_m: float) -> Figure:
-    """Figure 8 right: how far the fitted simulator flies test configurations from the centre, by what happened."""
+    """Draw Figure 8 right: the fitted simulator's deviation of test configurations from the centre, by outcome."""
     figure = new_figure(8.0, 3.4)
     axes = figure.subplots()
     rng = np.random.default_rng(0)
@@ -198,7 +198,7 @@ def draw_deviations(repetitions: Sequence[Repetition], three_m: float, two_m: fl
 
 
 def draw_sizes(analysis: Analysis, settings: Settings) -> Figure:
-    """Table II and Figure 9 in one: accuracy by the amount of simulated data, together and on either set."""
+    """Draw Table II and Figure 9 in one: accuracy by the amount of simulated data, together and on either set."""
     figure = new_figure(8.0, 4.0)
     axes = figure.subplots()
     for where, colour in ((EVERYTHING, BLUE), (REAL, GREEN), (SIMULATED, "#d99000")):
@@ -213,7 +213,7 @@ def draw_sizes(analysis: Analysis, settings: Settings) -> Figure:
 
 
 def draw_sets(analysis: Analysis, settings: Settings) -> Figure:
-    """Figure 9: accuracy of every model on D_r's test set and on D_s^T."""
+    """Draw Figure 9: accuracy of every model on D_r's test set and on D_s^T."""
     best = network_name(SweepSetting(settings.best_size, settings.best_weight))
     models = [best, *(model for model in analysis.models() if not model.startswith("seed's network"))]
     figure = new_figure(8.0, 0.9 + 0.55 * len(models))
@@ -230,7 +230,7 @@ def draw_sets(analysis: Analysis, settings: Settings) -> Figure:
 
 
 def draw_weights(analysis: Analysis, settings: Settings) -> Figure:
-    """Figure 10: accuracy by lambda; the paper's own choice is starred as there."""
+    """Draw Figure 10: accuracy by lambda; the paper's own choice is starred as there."""
     figure = new_figure(8.0, 3.8)
     axes = figure.subplots()
     weights = sorted({*settings.weights, settings.best_weight})
@@ -247,7 +247,8 @@ def draw_weights(analysis: Analysis, settings: Settings) -> Figure:
 
 
 def draw_reliability(repetitions: Sequence[Repetition], answers: dict[str, list[np.ndarray]]) -> Figure:
-    """Share of hits against stated probability, both outputs, all repetitions; a diagonal is an honest model."""
+    """Draw the share of hits against stated probability, both outputs, all repetitions; the diagonal is perfect
+    calibration."""
     figure = new_figure(8.0, 3.8)
     panels = figure.subplots(1, max(len(answers), 1), sharey=True, squeeze=False)[0]
     hits = np.concatenate([one.asked.labels.ravel() for one in repetitions])
@@ -280,7 +281,7 @@ def _bare(figure: Figure, axes: Axes) -> Figure:
 
 
 def what_varies(pool: Pool, settings: Settings) -> list[str]:
-    """Return sentences that say what an interval over repetitions covers here."""
+    """Return sentences on what an interval over repetitions covers here."""
     real, launched = (", ".join(f"{count} {outcome}" for outcome, count in _counted(part.shots.text("outcome")).items())
                       for part in (pool.real, pool.launched))
     return [
@@ -347,7 +348,7 @@ def save_page(path: Path, pool: Pool, repetitions: Sequence[Repetition], answers
 
 def save_figures(folder: Path, pool: Pool, repetitions: Sequence[Repetition], analysis: Analysis,
                  tables: Sequence[Table], settings: Settings) -> None:
-    """figures.csv: every model's metrics in every repetition; table_1.csv: Table I's; summary.json: the rest."""
+    """Write figures.csv: every model's metrics in every repetition; table_1.csv: Table I's; summary.json: the rest."""
     rows = [[figure.repetition, figure.model, "" if figure.size is None else figure.size,
              "" if figure.weight is None else figure.weight, figure.where, *map(_cell, figure.metrics)]
             for figure in analysis.figures]

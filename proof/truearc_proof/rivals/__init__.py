@@ -20,7 +20,7 @@ RIVALS = tuple(ANSWERS)
 
 
 def find_rival(name: str) -> "Rival":
-    """The rival of that name; InputError when there is none."""
+    """Return the rival of that name; InputError if there is none."""
     if name not in ANSWERS:
         raise InputError(f"there is no rival {name!r}; there are {', '.join(RIVALS)}")
     module, _, function = ANSWERS[name].partition(":")
@@ -28,7 +28,7 @@ def find_rival(name: str) -> "Rival":
 
 
 def check_rivals(names: Sequence[str]) -> tuple[str, ...]:
-    """The names, each once; InputError for one that cannot enter."""
+    """Return the names, each once; InputError for one that cannot take part."""
     for name in names:
         find_rival(name)
     return tuple(dict.fromkeys(names))

@@ -65,11 +65,11 @@ MOST_USUAL = 3.0                      # usual sizes from which a refit starts at
 
 
 class Claim(Struct, frozen=True):
-    """One entrant about one world.
+    """One entrant's claim about one world.
 
     says_something: that the believed simulation lacks something. names: terms of the catalogue, likeliest first; empty
-    where none is named. before_m, after_m: RMS error of the forecast height at the tracks' ends in hold-out shots, by
-    the believed physics and by the entrant's law (equal if it does not say something); None where it makes no forecast.
+    if none is named. before_m, after_m: RMS error of the forecast height at the tracks' ends in hold-out shots, by the
+    believed physics and by the entrant's law (equal if it does not say something); None if it makes no forecast.
     figures: those that decided.
     """
 
@@ -89,7 +89,7 @@ class RivalBelief:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Terms that are believed."""
+        """The believed terms."""
         columns = self.fitted.scores.columns[self.fitted.scores.first_shared:]
         return tuple(dict.fromkeys(column.name.partition(".")[0] for column in columns if column.kind == "shared"))
 
@@ -105,13 +105,13 @@ class Held(NamedTuple):
 
 
 def folds(n: int) -> tuple[Held, ...]:
-    """Every fifth of n shots, as truearc's own figures on unseen shots have it."""
+    """Hold out every fifth of n shots, as in truearc's own figures on unseen shots."""
     fold = folds_of(n)
     return tuple(Held(fold != k, fold == k) for k in range(FOLDS))
 
 
 def believed_of(found: Investigation) -> RivalBelief | None:
-    """From truearc's own investigation; None where the data carry no test at all."""
+    """Return the belief from truearc's own investigation; None if the data allow no test."""
     if found.fitted is None:
         return None
     refits = found.steps[0].naming.refits if found.steps else {}
@@ -119,7 +119,7 @@ def believed_of(found: Investigation) -> RivalBelief | None:
 
 
 def rms(errors: Array) -> float:
-    """Root mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
@@ -175,34 +175,34 @@ class Moments(NamedTuple):
 
 
 def candidates_of(known: tuple[str, ...]) -> tuple[str, ...]:
-    """Columns beside the known ones: free ones, and those that change what is known, as truearc has its terms."""
+    """Return columns besides the known ones: free ones, and those that change what is known, as in truearc's terms."""
     return tuple(name for name in COLUMNS if name not in known
                  and (name in FREE or CHANGES.get(name, "drag") in (None, *known)))
 
 
 def usual_of(name: str) -> float:
-    """Amplitude of a column's term that is usual; 1 for what has a coefficient of its own."""
+    """Return the usual amplitude of a column's term; 1 for a column with its own coefficient."""
     return 1.0 if name in FREE else _prior(name)[1]
 
 
 def middle_of(name: str) -> float:
-    """The middle of a coefficient's prior."""
+    """Return the middle of a coefficient's prior."""
     return _prior(name)[0]
 
 
 def terms_of(column: str) -> tuple[str, ...]:
-    """Terms of the catalogue that a column stands for."""
+    """Return the terms of the catalogue that a column stands for."""
     return STANDS_FOR.get(column, (column,))
 
 
 def accelerations(rig: Rig, names: tuple[str, ...], at: Moments) -> Array:
-    """Columns [..., 3, K] in m/s2 by name, at each one's usual size; gravity is not among them."""
+    """Return columns [..., 3, K] in m/s2 by name, at each one's usual size; gravity is not among them."""
     parts = _Parts(rig, at)
     return np.stack([usual_of(name) * parts.column(name) for name in names], axis=-1)
 
 
 def gravity(rig: Rig) -> Array:
-    """[3] in m/s2."""
+    """Return gravity [3] in m/s2."""
     return np.array([0.0, 0.0, -rig.world.gravity_m_s2])
 
 
@@ -289,28 +289,32 @@ class Flights:
 
     @property
     def measured(self) -> Array:
-        """[3] whether any ball moves along an axis; a film from the side has zeros."""
+        """Return [3] whether any ball moves along an axis; a film from the side has zeros."""
         moved: Array = np.ptp(self.position_m[self.real], axis=0) > 0.0
         return moved
 
     def filled(self, k: int) -> tuple[Array, Array]:
-        """Times [T] at even steps and positions [T, 3] of track k, lost frames by straight lines between their
-        neighbours: smoothers want even steps, and a line is off by a millimetre or two."""
+        """Return times [T] at even steps and positions [T, 3] of track k, with lost frames interpolated linearly.
+
+        Smoothers need even steps, and a line is off by a millimetre or two.
+        """
         time_s, position_m = self.time_s[k][self.real[k]], self.position_m[k][self.real[k]]
         step_s = float(np.median(np.diff(time_s)))
         even_s = step_s * np.arange(round(time_s[-1] / step_s) + 1)
         return even_s, np.stack([np.interp(even_s, time_s, one) for one in position_m.T], axis=1)
 
     def moments(self, k: int, time_s: Array, velocity_m_s: Array) -> Moments:
-        """Of track k at times [T] and velocities [T, 3]."""
+        """Return the moments of track k at times [T] and velocities [T, 3]."""
         one = np.ones(len(time_s))
         return Moments(velocity_m_s, self.spin_rev_s[k] * one, time_s,
                        *(part[k] * one for part in (self.age, self.density, self.radius_m, self.mass_kg)))
 
 
 def gather_flights(dataset: Dataset) -> Flights:
-    """InputError for a launch that is half known; tracks that are too short, and samples far off any flight, are left
-    out."""
+    """Gather tracks, omitting those that are too short and samples far off any flight.
+
+    InputError for a launch that is only partly known.
+    """
     if dataset.tracks is None:
         raise ValueError("there are no tracks")
     samples = gather_samples(dataset.tracks)[0]
@@ -325,8 +329,8 @@ def gather_flights(dataset: Dataset) -> Flights:
 
 
 def end_errors(flights: Flights, names: tuple[str, ...], weights: Array) -> Array:
-    """[n] in m: measured height of each track's last sample less the forecast by gravity and columns `names` with
-    each track's own weights [n, K]."""
+    """Return [n] in m: measured height of each track's last sample minus the forecast by gravity and columns `names`
+    with each track's own weights [n, K]."""
     used = np.flatnonzero((weights != 0.0).any(axis=0))
     law = _Law(flights, tuple(names[k] for k in used), weights[:, used])
     count = flights.real.sum(1)

@@ -1,14 +1,15 @@
-"""ODR-BINDy: positions are noisy unknowns, the law is a soft constraint, and the evidence selects its terms.
+"""ODR-BINDy: positions are noisy unknowns, the equation of motion is a soft constraint, and evidence selects its terms.
 
 Fung 2025, arXiv 2507.23426. The cost is half of |(x - measured) / sigma|^2 + |(x'' - g - library(x') p) / SOFT_M_S2|^2
 + |p / prior sd|^2 over the positions x of every frame and the coefficients p. The evidence of a set of terms uses
-Laplace's approximation with the Gauss-Newton Hessian of p after minimisation over x. Terms are removed one by one, each
-time the term whose removal leaves the largest evidence; the set with the largest evidence on that path is the answer.
+Laplace's approximation with the Gauss-Newton Hessian of p after minimisation over x. Terms are removed one at a time,
+always the one whose removal leaves the largest evidence; the set with the largest evidence along that path is the
+answer.
 
-Differences from the authors' MATLAB code: the law is of second order, so x are positions and the derivatives are
-central differences; many tracks share p, and a banded solver eliminates the x of each; while terms are removed, x
-follows linearly (their code refits x for each set) and is linearised again at the winning set; noise is estimated about
-a smooth flight, not given. As in their code, noise is white and only the initial conditions vary between shots.
+Differences from the authors' MATLAB code: the equation is second-order, so x are positions and the derivatives are
+central differences; many tracks share p, and a banded solver eliminates each track's x; while terms are removed, x is
+updated linearly (their code refits x for each set) and is relinearised at the winning set; noise is not given but
+estimated about a smooth flight. As in their code, noise is white and only the initial conditions vary between shots.
 """
 
 from typing import NamedTuple
@@ -101,7 +102,8 @@ def claim_of(flights: laws.Flights, known: tuple[str, ...]) -> Claim:
 
 
 def linearise_at_best(flights: laws.Flights, names: tuple[str, ...], prior: Array, known: int) -> Linear:
-    """The cost about the most probable x and p, of all columns and then of those that the evidence chooses."""
+    """Linearise the cost about the most probable x and p, of all columns and then of those that the evidence
+    chooses."""
     films, sigma_m = film(flights), noise_of(flights)
     at, kept = State(films.smooth_m, np.zeros(len(names))), np.ones(len(names), dtype=bool)
     for _ in range(ROUNDS):
@@ -112,7 +114,7 @@ def linearise_at_best(flights: laws.Flights, names: tuple[str, ...], prior: Arra
 
 def settle(flights: laws.Flights, films: Films, sigma_m: Array, names: tuple[str, ...], prior: Array, at: State,
            kept: Array) -> tuple[State, Linear]:
-    """Gauss-Newton from a state, steps halved until the cost falls; to where a step gains less than CLOSE nats."""
+    """Run Gauss-Newton from a state, halving steps until the cost falls, to where a step gains less than CLOSE nats."""
     at, cost = at._replace(weights=at.weights * kept), np.inf
     for _ in range(TURNS):
         linear = linearise(flights, films, sigma_m, names, at)
@@ -132,7 +134,7 @@ def settle(flights: laws.Flights, films: Films, sigma_m: Array, names: tuple[str
 
 def cost_of(flights: laws.Flights, films: Films, sigma_m: Array, names: tuple[str, ...], prior: Array,
             at: State) -> float:
-    """In nats."""
+    """Return the cost in nats."""
     velocity, bend = _differences(films, at.position_m)
     law = _library(flights, films, names, velocity) @ at.weights + laws.gravity(flights.facts)
     miss = films.law[..., None] * flights.measured * (bend - law) / SOFT_M_S2
@@ -155,7 +157,7 @@ def choose(square: Array, pull: Array, prior: Array, known: int) -> Chosen:
 
 
 def solve(square: Array, pull: Array, prior: Array, kept: Array) -> Chosen:
-    """The most probable coefficients of a set, and its evidence by Laplace."""
+    """Return the most probable coefficients of a set, and its evidence by Laplace's approximation."""
     weights, sd = np.zeros((2, len(pull)))
     hessian = square[np.ix_(kept, kept)] + np.diag(prior[kept]**-2.0)
     covariance = np.linalg.inv(hessian)
@@ -165,7 +167,7 @@ def solve(square: Array, pull: Array, prior: Array, kept: Array) -> Chosen:
 
 
 def film(flights: laws.Flights) -> Films:
-    """Tracks on even steps; frames that were lost are not seen."""
+    """Return tracks on even steps; lost frames are marked as not seen."""
     tracks = [flights.filled(k) for k in range(len(flights))]
     longest = max(len(time_s) for time_s, _ in tracks)
     position_m, smooth_m = np.zeros((2, len(tracks), longest, 3))
@@ -180,7 +182,7 @@ def film(flights: laws.Flights) -> Films:
 
 
 def noise_of(flights: laws.Flights) -> Array:
-    """[3] standard deviations in m, an axis that was not measured as the others."""
+    """Return [3] standard deviations in m; an axis that was not measured gets the others'."""
     samples = Samples(np.arange(len(flights)), flights.time_s, flights.position_m, flights.real)
     sigma_m = measure_scatter(samples, flights.facts.noise.track_m).sigma_m
     noise: Array = np.where(flights.measured, sigma_m, sigma_m[flights.measured].mean())
@@ -188,7 +190,7 @@ def noise_of(flights: laws.Flights) -> Array:
 
 
 def linearise(flights: laws.Flights, films: Films, sigma_m: Array, names: tuple[str, ...], at: State) -> Linear:
-    """About a state."""
+    """Linearise the cost about a state."""
     step_s = films.step_s[:, None, None]
     velocity, bend = _differences(films, at.position_m)
     library = _library(flights, films, names, velocity)

@@ -75,15 +75,15 @@ def claim_by(dataset: Dataset, believed: RivalBelief, learn: Learn) -> Claim:
 
 
 def residuals_of(believed: RivalBelief) -> Array:
-    """[k, c] in m of the tracked shots' measured coordinates, height last, each by a believed fit that has not seen
-    it."""
+    """Return [k, c] in m of the tracked shots' measured coordinates, height last, each from a believed fit without that
+    shot."""
     null = believed.fitted.without_terms()
     errors = track_errors(null, null.scores.held_out_change())
     return errors[:, (errors != 0.0).any(axis=0)]
 
 
 def table_of(covariates: Sequence[Covariate], rows: Array) -> Array:
-    """[k, q] standardised, unknown = 0 (the mean)."""
+    """Return [k, q] standardised covariates, unknown = 0 (the mean)."""
     values = np.stack([covariate.values[rows] for covariate in covariates], axis=1)
     spread = np.nanstd(values, axis=0)
     table: Array = np.nan_to_num((values - np.nanmean(values, axis=0)) / np.where(spread > 0.0, spread, 1.0))
@@ -91,7 +91,7 @@ def table_of(covariates: Sequence[Covariate], rows: Array) -> Array:
 
 
 def cross_validate(table: Array, residuals: Array, learn: Learn) -> Array:
-    """[k, 3] each fold's residuals as forecast from the other folds."""
+    """Return [k, 3]: each fold's residuals as forecast from the other folds."""
     foretold = np.zeros_like(residuals)
     for held in folds(len(table)):
         foretold[held.out] = learn(table[held.train], residuals[held.train]).predict(table[held.out])
@@ -99,14 +99,15 @@ def cross_validate(table: Array, residuals: Array, learn: Learn) -> Array:
 
 
 def gain_of_each(residuals: Array, foretold: Array) -> Array:
-    """[k] what each shot's squared error loses by the forecast, as a share of the mean, the coordinates alike."""
+    """Return [k]: the reduction of each shot's squared error by the forecast, as a share of the mean, coordinates
+    weighted equally."""
     scale = np.mean(residuals**2, axis=0)
     gain: Array = ((residuals**2 - (residuals - foretold)**2) / scale).mean(1)
     return gain
 
 
 def names_of(covariates: Sequence[Covariate], leaning: Array) -> tuple[str, ...]:
-    """Terms that follow the covariate leant on most, flight first; none where no term follows it."""
+    """Return terms that follow the most important covariate, flight first; none if no term follows it."""
     most = covariates[int(leaning.argmax())]
     followed = {what for what, columns in FOLLOWED.items() if set(columns) & set(most.names)}
     terms = [term for term in TERMS if getattr(term, "follows", None) in followed]
@@ -114,7 +115,7 @@ def names_of(covariates: Sequence[Covariate], leaning: Array) -> tuple[str, ...]
 
 
 def learn_process(covariates: Array, residuals: Array) -> Learnt:
-    """scikit-learn's Gaussian process: anisotropic RBF plus white noise.
+    """Train scikit-learn's Gaussian process: anisotropic RBF plus white noise.
 
     Hyperparameters by marginal likelihood, climbed from START (one kernel for the three coordinates, each
     standardised). It leans most on the covariate with the shortest length scale, all being standardised.
@@ -142,7 +143,7 @@ def answer_gp(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
 
 
 def learn_trees(seed: int, covariates: Array, residuals: Array) -> Learnt:
-    """scikit-learn's gradient-boosted trees, one set of them a coordinate; one thread, for worlds run side by side.
+    """Train scikit-learn's gradient-boosted trees, one set per coordinate; one thread, for worlds run side by side.
 
     Small trees and a slow rate, as many as an inner validation share finds useful. It leans most on the covariate whose
     shuffling worsens the squared error of what it says of its own shots most, the coordinates alike.
@@ -211,12 +212,12 @@ class Emulator:
                 (inputs - self.low) / self.range, (runs.y - self.middle) / self.unit)
 
     def scaled(self, x: Array) -> Array:
-        """[n, p] in 0..1 of the runs."""
+        """Return [n, p] in 0..1 of the runs."""
         scaled: Array = (x - self.low[:self.inputs]) / self.range[:self.inputs]
         return scaled
 
     def at(self, scaled: Array, theta: Array) -> tuple[Array, Array]:
-        """(means [n], covariance [n, n]) at scaled inputs [n, p] and parameters [q]."""
+        """Return (means [n], covariance [n, n]) at scaled inputs [n, p] and parameters [q]."""
         both = np.column_stack([scaled, np.broadcast_to(theta, (len(scaled), len(theta)))])
         mean, covariance = self._process.predict(both, return_cov=True)
         return mean, covariance
@@ -238,17 +239,17 @@ class Calibration:
 
     @property
     def theta90(self) -> Array:
-        """[q, 3] ends and middle of each parameter's 90 % interval, low, median, high, in the runs' units."""
+        """Return [q, 3]: low end, median and high end of each parameter's 90 % interval, in the runs' units."""
         quantiles = np.quantile(self._samples[:, :self._count], (0.05, 0.5, 0.95), axis=0).T
         own: Array = self._emulator.low[-self._count:, None] + self._emulator.range[-self._count:, None] * quantiles
         return own
 
     def forecast(self, x: Array) -> Forecast:
-        """A measurement at each of inputs [k, p]."""
+        """Forecast a measurement at each of the inputs [k, p]."""
         return self._draw(x, False)
 
     def discrepancy(self, x: Array) -> Forecast:
-        """The simulator's error at each of inputs [k, p]."""
+        """Return the simulator's error at each of the inputs [k, p]."""
         return self._draw(x, True)
 
     def _draw(self, x: Array, discrepancy: bool) -> Forecast:
@@ -297,7 +298,8 @@ def _process(scaled: Array, smooth: Array) -> Array:
 
 
 def sample(log_density: Callable[[Array], float], start: Array, rng: np.random.Generator, steps: int = STEPS) -> Array:
-    """[steps after BURN / THIN, d] by Metropolis; until BURN the step follows the chain's covariance (Haario 2001)."""
+    """Return [steps after BURN / THIN, d] by Metropolis; until BURN the step follows the chain's covariance (Haario
+    2001)."""
     now, value, step = start, log_density(start), 0.1 * np.eye(len(start))
     burn = BURN * steps // STEPS
     chain: list[Array] = []

@@ -51,12 +51,12 @@ class Rows(NamedTuple):
     track: Array
 
     def take(self, rows: Array) -> "Rows":
-        """Rows under a mask."""
+        """Return rows under a mask."""
         return Rows(*(part[rows] for part in self))
 
 
 class Tuning(NamedTuple):
-    """Of STLSQ."""
+    """Tuning parameters of STLSQ."""
 
     threshold: float
     ridge: float
@@ -70,8 +70,11 @@ class Model(NamedTuple):
 
 
 def tune(rows: Rows) -> Tuning:
-    """By five-fold cross-validation over whole tracks: the ridge with the least error on held-out rows, and with it the
-    highest threshold whose error is within one standard error (over tracks) of the least."""
+    """Tune by five-fold cross-validation over whole tracks.
+
+    Returns the ridge with the least error on held-out rows, and with it the highest threshold whose error is within one
+    standard error (over tracks) of the least.
+    """
     grid = [Tuning(float(threshold), ridge) for ridge in RIDGES for threshold in THRESHOLDS]
     square = np.zeros((len(grid), int(rows.track.max()) + 1))
     for fold in range(FOLDS):
@@ -90,7 +93,7 @@ def tune(rows: Rows) -> Tuning:
 
 
 def fit(rows: Rows, tuning: Tuning) -> Model:
-    """One STLSQ."""
+    """Fit one STLSQ."""
     target, candidates = project(rows)
     optimizer = _stlsq(tuning)
     with _quiet():
@@ -99,7 +102,7 @@ def fit(rows: Rows, tuning: Tuning) -> Model:
 
 
 def ensemble(rows: Rows, tuning: Tuning, seed: int, models: int = MODELS) -> Array:
-    """[models, K] the candidates' coefficients in each of the ensemble's models."""
+    """Return [models, K]: the candidates' coefficients in each of the ensemble's models."""
     import pysindy
 
     target, candidates = project(rows)
@@ -110,20 +113,20 @@ def ensemble(rows: Rows, tuning: Tuning, seed: int, models: int = MODELS) -> Arr
 
 
 def rank(share: Array, size: Array, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names that any model includes, by share, then by size in usual sizes."""
+    """Return names that any model includes, by share, then by size in usual sizes."""
     order = sorted(range(len(names)), key=lambda k: (-share[k], -abs(size[k])))
     return tuple(names[k] for k in order if share[k] > 0.0)
 
 
 def project(rows: Rows) -> tuple[Array, Array]:
-    """(target, candidates) without what the believed columns can say."""
+    """Return (target, candidates) with what the believed columns explain projected out."""
     both = np.column_stack([rows.target, rows.candidates])
     left = both - rows.believed @ np.linalg.lstsq(rows.believed, both, rcond=None)[0]
     return left[:, 0], left[:, 1:]
 
 
 def compress(rows: Rows) -> Rows:
-    """As few rows as there are columns, with the same least squares: the triangle of their QR factors."""
+    """Return as few rows as there are columns, with the same least squares: the triangle of their QR factors."""
     width = rows.believed.shape[1]
     # NumPy's annotations promise a pair in every mode
     triangle = np.asarray(np.linalg.qr(np.column_stack([rows.believed, rows.candidates, rows.target]), mode="r"))
@@ -132,7 +135,7 @@ def compress(rows: Rows) -> Rows:
 
 @contextmanager
 def seeded(seed: int) -> Iterator[None]:
-    """NumPy's global generator, which PySINDy draws from, seeded here and as it was afterwards."""
+    """Seed NumPy's global generator, which PySINDy draws from, and restore it afterwards."""
     state = np.random.get_state()
     np.random.seed(seed % 2**32)
     try:
@@ -161,7 +164,7 @@ def _quiet() -> Iterator[None]:
 
 
 def known_of(terms: tuple[str, ...]) -> tuple[str, ...]:
-    """Columns that are believed: drag and lift, where they are."""
+    """Return the believed columns: drag and lift, if present."""
     return tuple(name for name in laws.FREE if name in terms)
 
 
@@ -209,7 +212,7 @@ def answer_weak(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim
 
 
 def ensemble_rows(flights: laws.Flights, known: tuple[str, ...]) -> Rows:
-    """Each frame's measured accelerations without gravity, against the library at its velocity."""
+    """Return each frame's measured accelerations without gravity, and the library at its velocity."""
     def rows_of(time_s: Array, position_m: Array, velocity: Array, columns: Array) -> tuple[Array, Array]:
         inner = slice(EDGE, len(time_s) - EDGE)
         return columns[inner], (differentiate(velocity, time_s) - laws.gravity(flights.facts))[inner]
@@ -218,7 +221,7 @@ def ensemble_rows(flights: laws.Flights, known: tuple[str, ...]) -> Rows:
 
 
 def weak_rows(flights: laws.Flights, known: tuple[str, ...], seed: int) -> Rows:
-    """Integrals over every domain, of the measured components; tracks of the same times share their domains."""
+    """Return integrals over every domain of the measured components; tracks with the same times share their domains."""
     from pysindy import FiniteDifference
 
     libraries: dict[bytes, object] = {}
@@ -259,7 +262,7 @@ def _gather_rows(flights: laws.Flights, known: tuple[str, ...],
 
 
 def differentiate(values: Array, time_s: Array) -> Array:
-    """Derivatives of columns [T, 3] by PySINDy's smoothed finite difference."""
+    """Return derivatives of columns [T, 3] by PySINDy's smoothed finite difference."""
     from pysindy import SmoothedFiniteDifference
 
     method = SmoothedFiniteDifference(smoother_kws={"window_length": WINDOW, "polyorder": ORDER})
@@ -275,14 +278,17 @@ def _domains(time_s: Array, seed: int) -> Any:
 
 
 def integrate(library: Any, columns: Array) -> Array:
-    """[DOMAINS, k] integrals of columns [T, k] against the test functions: PySINDy's weights, without its transform,
-    which works out names and polynomials for every track again and takes a hundred times as long."""
+    """Return [DOMAINS, k] integrals of columns [T, k] against the test functions.
+
+    Uses PySINDy's weights without its transform, which recomputes names and polynomials for every track and takes a
+    hundred times as long.
+    """
     return np.stack([weight @ columns[inside[0]] for weight, inside in zip(library.fullweights0, library.inds_k,
                                                                            strict=True)])
 
 
 def change(library: Any, columns: Array) -> Array:
-    """[DOMAINS, k] integrals of the columns' derivatives, by parts."""
+    """Return [DOMAINS, k] integrals of the columns' derivatives, by parts."""
     return np.asarray(library.convert_u_dot_integral(_axes(columns)))
 
 

@@ -55,7 +55,7 @@ LOCK = "lock"                         # stays there, empty, when no process hold
 
 
 class Step(StrEnum):
-    """What is entered about a world, in this order; ASKED to CLAIMED_AGAIN only where the solver asks for more."""
+    """What is entered about a world, in this order; ASKED to CLAIMED_AGAIN only if the solver requests more."""
 
     SEALED = "sealed"
     CLAIMED = "claimed"
@@ -80,14 +80,14 @@ class Entry(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def digest(data: bytes) -> str:
-    """SHA-256 in hexadecimal."""
+    """Return the SHA-256 in hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 
 
 def read_ledger(path: str | Path) -> tuple[Entry, ...]:
-    """Every line; InputError names the first that does not follow from the one before it.
+    """Return every line; InputError names the first that does not follow from the one before it.
 
-    A last line that a kill has torn is ignored: its data were not given away yet.
+    A truncated last line is ignored: its data were not released yet.
     """
     path = Path(path)
     lines = path.read_bytes().split(b"\n") if path.is_file() else [b""]
@@ -106,13 +106,13 @@ def read_ledger(path: str | Path) -> tuple[Entry, ...]:
 
 
 def last_digest(path: str | Path) -> str:
-    """SHA-256 of the last whole line, in which all before it is contained; FIRST where there is none."""
+    """Return the SHA-256 of the last whole line, which depends on all before it; FIRST if there is none."""
     lines = Path(path).read_bytes().split(b"\n")[:-1] if Path(path).is_file() else []
     return digest(lines[-1]) if lines else FIRST
 
 
 def append(path: str | Path, what: str, world: str, sha256: str) -> Entry:
-    """Add a line and wait until it is on the disk; for one writer. InputError where the ledger is broken already."""
+    """Add a line and wait until it is on the disk; for one writer. InputError if the ledger is already broken."""
     path = Path(path)
     entries = read_ledger(path)
     data = path.read_bytes() if path.is_file() else b""
@@ -128,7 +128,7 @@ def append(path: str | Path, what: str, world: str, sha256: str) -> Entry:
 
 
 def committed(entries: tuple[Entry, ...], world: str) -> dict[str, str]:
-    """{step: SHA-256} of one world; InputError for steps that come twice or in another order than STEPS."""
+    """Return {step: SHA-256} of one world; InputError for steps that occur twice or in another order than STEPS."""
     found: dict[str, str] = {}
     for entry in entries:
         if entry.world != world:
@@ -146,7 +146,7 @@ PLACES = {"ledger": "ledger.jsonl", "keeper": "keeper", "plan": "keeper/round.js
 
 @dataclass(frozen=True)
 class Room:
-    """Where things are: those of PLACES, and each world's."""
+    """Locations in a round: those of PLACES, and each world's."""
 
     root: Path
 
@@ -171,15 +171,14 @@ class Room:
         return self.root / "claims" / f"{world}.json"
 
     def steps(self) -> dict[str, dict[str, str]]:
-        """{world: {step: SHA-256}} of every world in the ledger, in its order; InputError where it was changed."""
+        """Return {world: {step: SHA-256}} of every world in the ledger, in its order; InputError if it was changed."""
         entries = read_ledger(self.ledger)
         return {world: committed(entries, world) for world in dict.fromkeys(entry.world for entry in entries)}
 
 
 @contextmanager
 def alone(root: Path) -> Iterator[None]:
-    """As the only writer in there; InputError where another process is one. The directory is made where there is
-    none."""
+    """Hold the lock as the only writer; InputError if another process is one. A missing directory is created."""
     root.mkdir(parents=True, exist_ok=True)
     with (root / LOCK).open("ab") as file:           # no child inherits it
         try:
@@ -227,18 +226,18 @@ class Seal(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def canonical(value: Any) -> bytes:
-    """The one JSON text of plain values; ValueError for numbers that are not finite, which JSON does not have."""
+    """Return the unique JSON text of plain values; ValueError for numbers that are not finite, which JSON lacks."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False).encode()
 
 
 def make_seal(world: Mapping[str, Any], maker: str, directory: str | Path, salt: bytes | None = None) -> Seal:
-    """Seal a world with the data that lie in `directory`; a salt is drawn when none is given."""
+    """Seal a world with the data in `directory`; a salt is drawn if none is given."""
     salt = secrets.token_bytes(SALT_BYTES) if salt is None else salt
     return Seal(dict(world), maker, hash_files(directory), salt.hex())
 
 
 def hash_files(directory: str | Path) -> dict[str, str]:
-    """{path with forward slashes: SHA-256} of every file below, sorted."""
+    """Return {path with forward slashes: SHA-256} of every file below, sorted."""
     root = Path(directory)
     return {path.relative_to(root).as_posix(): digest(path.read_bytes())
             for path in sorted(root.rglob("*")) if path.is_file()}
@@ -249,7 +248,7 @@ def save_seal(path: str | Path, seal: Seal) -> None:
 
 
 def load_seal(path: str | Path) -> Seal:
-    """InputError names the file and what is wrong with it."""
+    """Load a seal; InputError names the file and what is wrong with it."""
     with naming(path):
         seal = msgspec.json.decode(load_bytes(path), type=Seal)
     with about(f"{path}: world", ValueError):     # a number in it that is not finite
@@ -306,7 +305,7 @@ class Claims(Struct):
 
 
 def load_claims(path: Path) -> Claims:
-    """Read claims.
+    """Load claims.
 
     Raises:
         InputError: with the file, and the key that is missing or of another kind than it must be.

@@ -43,9 +43,9 @@ FITTED = ("alias", "rivals")          # hang on which terms the fits cannot tell
 class Checked(NamedTuple):
     """Result of checking a packed round.
 
-    wrong: a sentence for each difference from the commitments. off: largest differences of numbers of the marks that
-    were worked out again (truearc_proof.rounds.archive). seed: of the sample of worlds that were made again.
-    others: hashes of other states of the solver, by which worlds were claimed.
+    wrong: a sentence for each difference from the commitments. off: largest differences of recomputed numbers of the
+    marks (truearc_proof.rounds.archive). seed: of the sample of recreated worlds. others: hashes of other states of the
+    solver that claimed worlds.
     """
 
     sealed: int
@@ -58,9 +58,9 @@ class Checked(NamedTuple):
 
 
 def pack(room: Room, path: Path) -> None:
-    """Write a .tar.xz of all but the data; InputError for a round with unmarked or external worlds.
+    """Write a .tar.xz of everything but the data; InputError for a round with unmarked or external worlds.
 
-    The data of an external world cannot be made again here.
+    The data of an external world cannot be recreated here.
     """
     open_yet = [name for name, done in room.steps().items() if name != HOME and Step.GRADED not in done]
     if open_yet:
@@ -79,7 +79,7 @@ def pack(room: Room, path: Path) -> None:
 
 
 def unpack(path: Path, room: Room) -> None:
-    """Unpack a round; InputError where the directory exists already, or the file is not a packed round."""
+    """Unpack a round; InputError if the directory already exists, or the file is not a packed round."""
     if room.root.exists():
         raise InputError(f"{room.root}: is there already")
     try:
@@ -97,7 +97,7 @@ def unpack(path: Path, room: Room) -> None:
 
 
 def remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
-    """Make a world's data again; what of them is not as it was committed to."""
+    """Recreate a world's data; return what differs from the commitment."""
     drawn = _drawn(room, name)
     for directory in (room.data(name), room.more(name)):
         shutil.rmtree(directory, ignore_errors=True)
@@ -111,10 +111,10 @@ def remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
 def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = None,
                 remake: Callable[[Room, str, dict[str, str]], list[str]] = remake,
                 mark: Callable[[Path, tuple[Drawn, bool]], grader.Graded] = grader.mark_world) -> Checked:
-    """Make the data of `worlds` worlds again, compare all hashes, and mark them again.
+    """Recreate the data of `worlds` worlds, compare all hashes, and mark them again.
 
-    The sample is drawn from the seed; without one, from entropy, so that no player can predict it. For all worlds:
-    their seals, claims and marks must be, to the letter, those in the ledger, and drawn from the seed of the round.
+    The sample is drawn from the seed; without one, from entropy, so that no player can predict it. For all worlds,
+    seals, claims and marks must be exactly those in the ledger, and drawn from the seed of the round.
     """
     steps = room.steps()
     wrong = [line for name, done in steps.items() for line in _check_papers(room, name, done)]
@@ -160,7 +160,8 @@ def _sample(names: Sequence[str], count: int, seed: int) -> tuple[str, ...]:
 
 
 def give_away(room: Room, names: Sequence[str], away: Path) -> Room:
-    """A round with the data of these worlds and their seals' hashes and nothing else, as a solver elsewhere gets it."""
+    """Copy the data of these worlds and their seals' hashes and nothing else, as an external solver receives a
+    round."""
     other, steps = Room(away), room.steps()
     for name in (*([HOME] if HOME in steps else []), *names):
         shutil.copytree(room.data(name), other.data(name))

@@ -80,7 +80,7 @@ class RoundPlan(Struct, frozen=True, forbid_unknown_fields=True):
     entropy: bool = False             # the seed was drawn, not chosen, by the keeper's own statement
 
     def drawn(self) -> tuple[Drawn, ...]:
-        """Its worlds, MuJoCo's unmodified session first where there is one."""
+        """Return its worlds, with MuJoCo's unmodified session first if there is one."""
         worlds = draw_round(self.seed, self.worlds, self.level, self.shots, self.engines)
         home = home_of(worlds, FIRST_SEED + self.seed % FIRST_SEED)
         return worlds if home is None else (home, *worlds)
@@ -92,7 +92,7 @@ def entropy() -> int:
 
 
 def seal_round(room: Room, plan: RoundPlan, progress: Progress, workers: int | None = None) -> None:
-    """Make and seal every world that is not sealed yet. InputError where the round was begun from another plan."""
+    """Make and seal every world that is not sealed yet. InputError if the round was begun from another plan."""
     worlds = plan.drawn()             # before anything is there: a plan of which nothing can be drawn leaves nothing
     with alone(room.root):
         keep_plan(room, plan)
@@ -100,7 +100,7 @@ def seal_round(room: Room, plan: RoundPlan, progress: Progress, workers: int | N
 
 
 def keep_plan(room: Room, plan: RoundPlan) -> None:
-    """Written once, whole or not at all. InputError where the round was begun from another."""
+    """Write the plan once, completely or not at all. InputError if the round was begun from another."""
     room.keeper.mkdir(parents=True, exist_ok=True)
     if not room.plan.exists():
         half = room.plan.with_suffix(".half")
@@ -127,7 +127,7 @@ def _seal_drawn(room: Room, worlds: tuple[Drawn, ...], progress: Progress, worke
 
 
 def answer_round(room: Room, progress: Progress, workers: int | None = None) -> None:
-    """Shoot what the solver has asked for, in every world that is claimed and not opened yet."""
+    """Shoot what the solver has requested, in every world that is claimed and not opened yet."""
     with alone(room.root):
         _answer_claimed(room, progress, workers)
 
@@ -197,7 +197,7 @@ def _answer(half: Path, job: tuple[Drawn, Wanted]) -> None:
 
 
 def answer(drawn: Drawn, asked: Wanted, directory: Path) -> None:
-    """Write what was asked for; the same world and wish write the same bytes."""
+    """Write what was requested; the same world and request give the same bytes."""
     if isinstance(asked, str):
         make_reading(drawn, asked, directory)
     else:
@@ -205,7 +205,7 @@ def answer(drawn: Drawn, asked: Wanted, directory: Path) -> None:
 
 
 def load_plan(room: Room) -> RoundPlan:
-    """InputError names the file and what is wrong with it."""
+    """Load a plan; InputError names the file and what is wrong with it."""
     with naming(room.plan):
         return msgspec.json.decode(load_bytes(room.plan), type=RoundPlan)
 

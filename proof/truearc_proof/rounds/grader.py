@@ -1,6 +1,6 @@
 """The grader of a round: it refuses a round with changed files, opens the seals of claimed worlds, and marks them.
 
-Tables use only the entries made in the ledger when the worlds were marked.
+Tables use only the ledger entries made when the worlds were marked.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,14 +36,14 @@ Steps = Mapping[str, Mapping[str, str]]
 
 
 def hash_mark(line: Any) -> str:
-    """Of a world's marks as their line of the file has them."""
+    """Return the hash of a world's marks as written in the file."""
     return digest(canonical(msgspec.json.decode(msgspec.json.encode(line))))
 
 
 def save_mark(room: Room, world: str, line: Any, done: Mapping[str, str]) -> None:
     """Enter a world's marks into the ledger, then append them to the file, so that each line there has an entry.
 
-    Marks that a kill in between has lost are made again; InputError where they come out otherwise.
+    Marks lost because a kill came in between are made again; InputError if they differ.
     """
     if Step.GRADED not in done:
         append(room.ledger, Step.GRADED, world, hash_mark(line))
@@ -53,7 +53,7 @@ def save_mark(room: Room, world: str, line: Any, done: Mapping[str, str]) -> Non
 
 
 def load_marks(room: Room) -> list[dict[str, Any]]:
-    """All lines; InputError where one is not as the ledger has it, or is missing."""
+    """Return all lines; InputError if one differs from the ledger or is missing."""
     steps = room.steps()
     wrong = [*wrong_marks(room.grades, steps), *missing_marks(room.grades, steps)]
     if wrong:
@@ -62,7 +62,7 @@ def load_marks(room: Room) -> list[dict[str, Any]]:
 
 
 def wrong_marks(path: Path, steps: Steps) -> list[str]:
-    """Lines that the ledger does not have, or has otherwise; a sentence each."""
+    """Return a sentence for each line that the ledger lacks or has differently."""
     wrong = []
     for line in lines_of(path):
         world = str(line.get("world")) if isinstance(line, dict) else None
@@ -75,7 +75,7 @@ def wrong_marks(path: Path, steps: Steps) -> list[str]:
 
 
 def missing_marks(path: Path, steps: Steps) -> list[str]:
-    """Worlds that are marked in the ledger alone; a sentence each."""
+    """Return a sentence for each world that is marked only in the ledger."""
     there = worlds_of(path)
     return [f"{path}: {world} is not marked as the ledger has it: its line is missing" for world, done in steps.items()
             if Step.GRADED in done and world not in there]
@@ -128,7 +128,7 @@ def _mark_claimed(room: Room, steps: Steps, progress: Progress, workers: int | N
 
 
 def unclaimed(steps: Steps) -> list[str]:
-    """Worlds that were sealed, and of which nothing was claimed."""
+    """Return worlds that were sealed but not claimed."""
     return [name for name, done in steps.items() if Step.CLAIMED not in done and name != HOME]
 
 
@@ -141,13 +141,14 @@ def check_papers(room: Room, steps: Steps, so_far: bool) -> list[str]:
 
 
 def left_out(room: Room, steps: Steps) -> list[str]:
-    """Seals that the ledger does not have, a sentence each."""
+    """Return a sentence for each seal that the ledger lacks."""
     return [f"{path}: its world is not in the ledger: it was taken out, or `truearc prove seal` was cut short"
             for path in sorted(room.keeper.glob("*.json")) if path != room.plan and path.stem not in steps]
 
 
 def check_draw(room: Room, steps: Steps, so_far: bool = False) -> list[str]:
-    """Return a sentence for each world that the seed does not give, or that is missing; external worlds have no seed.
+    """Return a sentence for each world that the seed does not give, or that is missing; external worlds have no
+    seed.
 
     so_far: not all need be sealed yet.
     """
@@ -193,7 +194,7 @@ def _check_claims(path: Path, claimed: str, data: dict[str, str]) -> list[str]:
 
 
 def mark_world(root: Path, job: tuple[Drawn, bool]) -> Graded:
-    """One world's marks; job: what was sealed, and whether there are second claims."""
+    """Return one world's marks; job: what was sealed, and whether there are second claims."""
     room, (drawn, twice) = Room(root), job
     paths = [room.claims(drawn.name), *([room.again(drawn.name)] if twice else [])]
     tested = [load_claims(path).believed is not None for path in paths]
@@ -221,5 +222,5 @@ def _mark(path: Path, drawn: Drawn, measured: Measured, unseen: Unseen | None) -
 
 
 def graded_of(room: Room) -> tuple[Graded, ...]:
-    """All marks of a round, a world each, in its order. InputError where they are not what the ledger has."""
+    """Return all marks of a round, by world, in its order. InputError if they differ from the ledger."""
     return tuple({line["world"]: msgspec.convert(line, Graded) for line in load_marks(room)}.values())

@@ -63,7 +63,7 @@ class Ceiling(NamedTuple):
 
 
 def ceiling_of(evidence: ScoreTable, level: str, name: str, amplitude: float, seed: int) -> Ceiling | None:
-    """For the term's column `name` at its true amplitude; None where it was not tested.
+    """Return the ceiling for the term's column `name` at its true amplitude; None if it was not tested.
 
     Efficient scores of terms (fitted parameters projected out) are drawn as N(information x amplitude, information);
     the threshold is that of the largest of as many correlated scores of noise.
@@ -111,8 +111,8 @@ def _draw(covariance: Array, rng: np.random.Generator) -> Array:
 
 
 def strength_of(evidence: ScoreTable, shift_m: Array) -> float | None:
-    """How plain an effect is that moves the heights at the plane by shift_m (one of each of the dataset's shots): the
-    chi-squared (lambda) by which the outcomes show it, fitted parameters projected out.
+    """Return the chi-squared (lambda) by which outcomes show an effect that moves the heights at the plane by shift_m
+    (one value per shot), with fitted parameters projected out.
 
     None where tracks or measured exits speak too, and where there are no outcomes: heights are not all there is then.
     """
@@ -145,8 +145,11 @@ class Measured(NamedTuple):
 
 
 def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0) -> Measured:
-    """Of worlds of the NumPy engine with one hidden effect; of those with none or more only what is believed, if
-    something was claimed; of others nothing is known."""
+    """Measure worlds of the NumPy engine with one hidden effect.
+
+    For those with none or more only what is believed is measured, if something was claimed; for others nothing is
+    known.
+    """
     single = len(drawn.effects) == 1
     if drawn.engine != NUMPY or not (single or claimed):
         return Measured()
@@ -260,18 +263,18 @@ def goes_with_right(name: str, finding: Finding) -> bool:
 
 
 def said_stage(where: Mapping[str, Any]) -> str | None:
-    """The stage that is said, or else thought likeliest."""
+    """Return the stage that is claimed, or else the likeliest."""
     stage, shares = where.get("stage"), where.get("stage_probability") or {}
     return stage if stage or not shares else max(shares, key=lambda name: shares[name] or 0.0)
 
 
 def names_ranked(finding: Finding) -> list[str]:
-    """Terms by probability, likeliest first."""
+    """Return terms by probability, likeliest first."""
     return [entry["term"] for entry in sorted(finding.get("what") or (), key=lambda e: -(e.get("probability") or 0.0))]
 
 
 def said_set(finding: Finding) -> list[str]:
-    """The set that is said; else, of a ranking, as many as make 90 % of what is not unknown."""
+    """Return the claimed set; else, from a ranking, as many names as hold 90 % of what is not unknown."""
     if finding.get("set"):
         return list(finding["set"])
     shares = {entry["term"]: entry.get("probability") or 0.0 for entry in finding.get("what") or ()}
@@ -284,12 +287,13 @@ def said_set(finding: Finding) -> list[str]:
 
 
 def is_alias(level: str, name: str, top: Sequence[str]) -> bool:
-    """Whether the first name said is of the true one's class at this level."""
+    """Return whether the first name is of the true one's class at this level."""
     return bool(top) and any(name in names and top[0] in names for names in ALIASES[level])
 
 
 def in_catalogue(name: str, amount: float) -> tuple[str, float] | None:
-    """Parameter of the catalogue's term that an effect's amplitude is, and its value; None for what has no term."""
+    """Return the parameter of the catalogue's term that an effect's amplitude is, and its value; None if no term
+    matches."""
     if name not in PARAMETER:
         return None
     parameter, value = PARAMETER[name]
@@ -346,8 +350,11 @@ class Mark(Struct, frozen=True):
 
 
 def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str, Any] | None = None) -> Mark:
-    """Against the sealed truth; `measured`: what the data themselves allow, as far as it was worked out; rivals:
-    {name: its claim (truearc_proof.rivals.claim)}."""
+    """Mark claims against the sealed truth.
+
+    `measured`: what the data themselves allow, as far as computed; rivals: {name: its claim
+    (truearc_proof.rivals.claim)}.
+    """
     names, found = names_ranked(finding)[:1], bool(finding["mismatch"]["found"])
     further = [one["what"][0]["term"] for one in finding.get("also") or () if one.get("set") and one["what"]]
     said = said_set(finding) if found else []
@@ -407,7 +414,7 @@ def hidden_of(drawn: Drawn) -> tuple[str, ...]:
 
 
 def right_names(drawn: Drawn) -> tuple[str, ...]:
-    """Names of the catalogue that would be right; none of what no catalogue has."""
+    """Return names of the catalogue that would be right; none for effects in no catalogue."""
     return tuple(dict.fromkeys(name for names in _right_of_each(drawn) for name in names))
 
 
@@ -455,7 +462,7 @@ def named_decoy(mark: Mark) -> bool | None:
 
 
 def up_to_alias(mark: Mark) -> bool | None:
-    """Whether the first name is right or of a class with the right one, and no decoy's."""
+    """Return whether the first name is right or of a class with the right one, and not a decoy's."""
     return mark.alias and not named_decoy(mark)
 
 

@@ -23,7 +23,7 @@ BAND_95 = 1.358                       # Kolmogorov's, over the root of the numbe
 
 def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Sequence[Entry],
                     origin: Origin = NO_ORIGIN) -> str:
-    """HTML that needs nothing but itself. entries: the round's ledger."""
+    """Return self-contained HTML. entries: the round's ledger."""
     levels = sorted({f"{one.level}, {one.shots} shots" for one in marks})
     sections = []
     if ladder_of(marks):
@@ -45,7 +45,7 @@ def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Seq
 
 
 def verdict(marks: Sequence[Mark]) -> str:
-    """In a sentence or two."""
+    """Return the verdict in a sentence or two."""
     nulls, hidden = ([one for one in marks if (one.kind in NULLS) == null] for null in (True, False))
     named = [one for one in hidden if one.first is not None]
     parts = []
@@ -89,7 +89,8 @@ def _word(answer: bool | None) -> str:
 
 
 def ladder_png(marks: Sequence[Mark]) -> bytes:
-    """Share found and share named right (up to alias) of all worlds with one hidden effect, over lambda."""
+    """Draw the share found and the share named right (up to alias) of all worlds with one hidden effect, over
+    lambda."""
     figure = new_figure(7.5, 4.4)
     axes = figure.subplots()
     steps = ladder_of(marks)
@@ -114,7 +115,7 @@ def ladder_png(marks: Sequence[Mark]) -> bytes:
 
 
 def reliability_png(marks: Sequence[Mark]) -> bytes | None:
-    """Probabilities that were claimed against how often they were right, a panel a level; None where none is known.
+    """Draw claimed probabilities against how often they were right, one panel per level; None if none is known.
 
     Of the first name in worlds with something hidden, where the verdict is not unknown: right, or of its class; of an
     unexplained change: nothing hidden is in the catalogue.
@@ -146,14 +147,15 @@ def _draw_claims(axes: Axes, pairs: Sequence[tuple[float, bool]], colour: str, l
 
 
 def claimed_bins(pairs: Sequence[tuple[float, bool]]) -> list[tuple[float, int, int]]:
-    """(mean probability that was claimed, how many were right, of how many) of each bin of CLAIMED with any."""
+    """Return (mean claimed probability, how many were right, of how many) of each non-empty bin of CLAIMED."""
     bins = [[pair for pair in pairs if low <= pair[0] < high] for low, high in pairwise(CLAIMED)]
     return [(float(np.mean([said for said, _ in each])), sum(hit for _, hit in each), len(each)) for each in bins
             if each]
 
 
 def chance_png(marks: Sequence[Mark]) -> bytes | None:
-    """Share of the nulls with a p-value up to p: the diagonal, if p-values mean what they say; None without nulls."""
+    """Draw the share of nulls with a p-value up to p, which is the diagonal if p-values are calibrated; None without
+    nulls."""
     p = np.sort([one.p_value for one in marks if one.kind in NULLS and one.p_value is not None])
     if not len(p):
         return None

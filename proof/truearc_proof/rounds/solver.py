@@ -1,4 +1,4 @@
-"""The solver of a round: discovery on data whose truth is sealed. It opens no file of the keeper.
+"""The solver of a round: discovery on data whose truth is sealed. It opens none of the keeper's files.
 
 A permanent interpreter audit hook blocks any attempt to open one. It guards against accidents, not against malice: a
 subprocess, ctypes, or a library that opens files itself can bypass it. To run an untrusted solver, give it a copy of
@@ -53,9 +53,11 @@ _forbidden: list[str] = []
 
 def solve_round(room: Room, progress: Progress, workers: int | None = None,
                 rivals: tuple[str, ...] = ()) -> None:
-    """Claims for every sealed world that has none in the ledger, and second ones where more shots were given; rivals:
-    others (truearc_proof.rivals) that are put to the same tracks. Call it in a process of its own: afterwards this
-    one can open nothing of the keeper's any more. InputError for rivals where no world has tracks."""
+    """Make claims for every sealed world without one in the ledger, and second claims where more shots were given.
+
+    rivals: others (truearc_proof.rivals) that receive the same tracks. Call it in a process of its own: afterwards this
+    process can no longer open any of the keeper's files. InputError for rivals if no world has tracks.
+    """
     forbid(room.keeper)
     with alone(room.root):
         _solve_sealed(room, progress, workers, rivals)
@@ -89,7 +91,7 @@ def _claim(room: Room, step: str, path: Callable[[str], Path], world: str, claim
 
 
 def solve(root: Path, rivals: tuple[str, ...], world: str) -> dict[str, Any]:
-    """One world's claims, and those of rivals where there are tracks."""
+    """Return one world's claims, and those of rivals if there are tracks."""
     room = Room(root)
     forbid(room.keeper)
     directory = room.data(world)
@@ -104,7 +106,7 @@ def solve(root: Path, rivals: tuple[str, ...], world: str) -> dict[str, Any]:
 
 
 def solve_again(root: Path, world: str) -> dict[str, Any]:
-    """The same with the shots that were asked for."""
+    """Solve again with the requested shots."""
     room = Room(root)
     forbid(room.keeper)
     reading = room.more(world) / MEASURED
@@ -146,8 +148,8 @@ def _ask(dataset: ta.Dataset, **known: Any) -> ta.Finding:
 
 
 def asked_for(found: ta.Finding, dataset: ta.Dataset) -> list[dict[str, Any]]:
-    """Where several names are left: one measurement, if that is likelier to leave one alone than more shots are; else
-    configurations to be shot again, each once, with how many shots."""
+    """Return requests if several names are left: one measurement, if it is likelier than more shots to leave only one;
+    else configurations to repeat, each once, with the number of shots."""
     plan = ta.design_shots(dataset, found, shots=MORE_SHOTS, configurations=MORE_CONFIGURATIONS).plan
     if "probability_after" not in plan:
         return []
@@ -194,7 +196,7 @@ def _believed_at_home(room: Room) -> ta.Belief:
 
 @cache
 def at_home(room: Room) -> tuple[ta.Dataset, ta.Belief]:
-    """The unmodified robot's session, and what it leaves to be believed."""
+    """Return the unmodified robot's session, and the belief from it."""
     directory = room.data(HOME)
     if not directory.is_dir():
         raise ta.InputError(f"{directory}: is missing: these worlds are to be compared with it")
@@ -228,7 +230,7 @@ def solver_files(sources: Mapping[ModuleType, Iterable[str]]) -> list[tuple[str,
 
 
 def forbid(directory: Path) -> None:
-    """From now on nothing in this process opens anything in there: PermissionError."""
+    """Prevent this process from now on from opening anything in there: PermissionError."""
     if not _forbidden:
         sys.addaudithook(_refuse)
     _forbidden.append(os.path.realpath(directory))

@@ -47,7 +47,7 @@ def make_tables(marks: Sequence[Mark], again: Again = ()) -> list[Table]:
 
 
 def share(marks: Iterable[Mark], question: Question) -> tuple[int, int]:
-    """(yes, of) of those that answer."""
+    """Return (yes, of) for the items with an answer."""
     return yes_of(map(question, marks))
 
 
@@ -57,13 +57,13 @@ def said(yes: int, of: int) -> str:
 
 
 def matrix_of(marks: Sequence[Mark]) -> dict[str, list[int]]:
-    """{what was true: worlds by verdict}, of what there was."""
+    """Return {what was true: worlds by verdict}, for the kinds that occur."""
     return {title: [sum(one.verdict == word for one in marks if one.kind in kinds) for word in VERDICTS]
             for title, kinds in GROUPS.items() if any(one.kind in kinds for one in marks)}
 
 
 def ladder_of(marks: Sequence[Mark]) -> list[tuple[float, float, list[Mark]]]:
-    """(least lambda, most, worlds with one hidden effect of the catalogue in between)."""
+    """Return (least lambda, most, worlds with one hidden effect of the catalogue in between)."""
     single = [one for one in marks if one.kind in ("one", "alias")]
     steps = [(low, high, [one for one in single if one.strength is not None and low <= one.strength < high])
              for low, high in pairwise(STEPS)]
@@ -148,7 +148,7 @@ def _ours(one: Mark) -> tuple[bool, bool | None, bool | None]:
 
 
 def yes_of(answers: Iterable[bool | None]) -> tuple[int, int]:
-    """(yes, of) of those that are not None."""
+    """Return (yes, of) for those that are not None."""
     known = [answer for answer in answers if answer is not None]
     return sum(known), len(known)
 
@@ -173,7 +173,7 @@ def _before_and_after(named: Again) -> list[str]:
 # --- figures and their targets
 
 class Goal(NamedTuple):
-    """A figure's text, and for each of LEVELS from where to where it should be; None: no target."""
+    """A figure's text, and for each of LEVELS its target range; None: no target."""
 
     words: str
     wanted: tuple[tuple[float, float] | None, ...]
@@ -196,7 +196,7 @@ SIZE = Goal("mean size of a set", ((0.0, 5.0), (0.0, 4.0), (0.0, 1.6)))
 
 
 class ProofFigure(NamedTuple):
-    """A figure with Wilson's 95 % interval; value None where no world says. `words`: as tables have it."""
+    """A figure with Wilson's 95 % interval; value None if no world counts. `words`: as shown in tables."""
 
     value: float | None
     words: str
@@ -205,7 +205,7 @@ class ProofFigure(NamedTuple):
 
 
 def figures_of(marks: Sequence[Mark]) -> dict[Goal, ProofFigure]:
-    """Figures of worlds of one level and number of shots, by both engines."""
+    """Return figures of worlds of one level and number of shots, by both engines."""
     found = [one for one in marks if one.found]
     shares = {
         CLEAN: [one.found for one in marks if one.engine == NUMPY and one.kind == "clean"],
@@ -253,7 +253,7 @@ def plain_figures(marks: Sequence[Mark]) -> dict[str, Any]:
 
 
 def posterior_rows(marks: Sequence[Mark]) -> list[list[str]]:
-    """Rows [target, figure, wanted, whether it is reached] for worlds of one level."""
+    """Return rows [target, figure, wanted, whether it is reached] for worlds of one level."""
     level = LEVELS.index(marks[0].level)
     return [[goal.words, figure.words, _wanted(goal.wanted[level]), _reached(figure, goal.wanted[level])]
             for goal, figure in figures_of(marks).items() if figure.value is not None or goal not in (POWER, SIZE)]

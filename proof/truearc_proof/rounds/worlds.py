@@ -74,8 +74,10 @@ PARAMETER: dict[str, tuple[str, Callable[[float], float]]] = {
 
 
 def names_at(kind: str, level: str, hopeless: bool = False) -> Iterator[str]:
-    """Names of "nulls", "effects" of the catalogue, or effects "off" it at a level; effects that its data cannot show
-    are left out unless `hopeless`."""
+    """Return names of "nulls", "effects" of the catalogue, or effects "off" it at a level.
+
+    Effects that its data cannot show are omitted unless `hopeless`.
+    """
     if kind == "nulls":
         yield from (name for name, dirt in DIRTS.items()
                     if level == "L2" or name == "all" or not any(one in truth.TRACK_DIRT for one in dirt))
@@ -85,7 +87,7 @@ def names_at(kind: str, level: str, hopeless: bool = False) -> Iterator[str]:
 
 
 def unseen(level: str) -> tuple[str, ...]:
-    """Effects of which the data of a level have no trace, by what they are."""
+    """Return effects of which the data of a level have no trace, by kind."""
     tracks = truth.TRACK_EFFECTS
     return truth.ABSORBED + {"L0": truth.COVARIATE_EFFECTS + tracks, "L1": tracks, "L2": ()}[level]
 
@@ -176,12 +178,12 @@ AND = "+"                             # between the names of two
 
 
 def seen_at(level: str) -> tuple[Change, ...]:
-    """Those of which data of the level have a trace."""
+    """Return those of which data of the level have a trace."""
     return tuple(change for change in CHANGES if level == "L2" or not change.tracks_only)
 
 
 def changes_of(name: str) -> tuple[Change, ...]:
-    """What that is: nothing, one change or two. ValueError where there is no such change."""
+    """Return the changes: none, one or two. ValueError if there is no such change."""
     known = {change.name: change for change in (*CHANGES, *UNCATALOGUED)}
     missing = set(name.split(AND)) - set(known)
     if missing:
@@ -190,25 +192,25 @@ def changes_of(name: str) -> tuple[Change, ...]:
 
 
 def pairs_at(level: str) -> tuple[tuple[Change, Change], ...]:
-    """Two that share neither an option nor a right name: no one name is right of both."""
+    """Return pairs that share neither an option nor a right name: no single name is right for both."""
     return tuple((one, other) for one, other in combinations(seen_at(level)[1:], 2)
                  if not set(one.options) & set(other.options) and not set(one.names) & set(other.names))
 
 
 def dirt_at(level: str) -> tuple[str, ...]:
-    """What there can be at a level."""
+    """Return the data defects that are possible at a level."""
     return ROBOT_DIRT + (ROBOT_TRACK_DIRT if level == "L2" else ())
 
 
 def dirty_options(dirt: Sequence[str], shots: int) -> dict[str, float]:
-    """Options of the world; `shots`: over which the battery falls."""
+    """Return options of the world; `shots`: over which the battery voltage falls."""
     options = {"scatter_scale": SCATTER_SCALE} if "scatter" in dirt else {}
     return options | ({"battery_start_v": FULL_V, "battery_drop_v_per_shot": FALL_V / shots}
                       if DECOY_DIRT in dirt else {})
 
 
 def dirty_sensors(dirt: Sequence[str], stated: Noise) -> Sensors:
-    """How badly it is seen; stated: rig.toml's."""
+    """Return the sensors' true noise; stated: rig.toml's."""
     sensors = ORDINARY
     if "noise_understated" in dirt:
         distance_m, hood_deg, wheel_rad_s, track_m = (
@@ -220,7 +222,7 @@ def dirty_sensors(dirt: Sequence[str], stated: Noise) -> Sensors:
 
 
 def dirty_plan(dirt: Sequence[str], seed: int, shots: int) -> list[ShotSetting]:
-    """Which shots are taken."""
+    """Return which shots are taken."""
     return plan_season(seed, shots, FAR_M) if "lopsided" in dirt else plan_season(seed, shots)
 
 
@@ -244,7 +246,7 @@ class Drawn(Struct, frozen=True, forbid_unknown_fields=True):
 
 def draw_round(seed: int, worlds: int, level: str, shots: int, engines: tuple[str, ...] = (NUMPY, MUJOCO)
                ) -> tuple[Drawn, ...]:
-    """The worlds of a round, in the order in which they are released; the same arguments draw the same.
+    """Draw the worlds of a round, in order of release; the same arguments give the same worlds.
 
     InputError for an unknown level or engine.
     """
@@ -278,7 +280,7 @@ def _draw(rng: np.random.Generator, name: str, kind: str, level: str, shots: int
 
 
 def strength_of(effect: str, amount: float, level: str, shots: int) -> float | None:
-    """Lambda of an amplitude: it grows with its square and with the shots. None for what the table does not have."""
+    """Return lambda of an amplitude: it grows with its square and with the shots. None if the table lacks it."""
     usual = lambdas(level).get(effect)
     return None if usual is None else usual * shots / LADDER_SHOTS * (amount / find_effect(effect).typical)**2
 
@@ -329,7 +331,7 @@ def _dirt(rng: np.random.Generator, kind: str, level: str) -> tuple[str, ...]:
 
 
 def change_robot(rng: np.random.Generator, drawn: Drawn) -> Drawn:
-    """A MuJoCo world of its kind."""
+    """Return a MuJoCo world of its kind."""
     kind, level = drawn.kind, drawn.level
     if kind in ("clean", "dirty"):
         dirt = (str(rng.choice(dirt_at(level))),) if kind == "dirty" else ()
@@ -361,13 +363,15 @@ def _scaled(option: str, value: float, factor: float) -> float:
 
 @cache
 def lambdas(level: str) -> Mapping[str, float]:
-    """{effect: lambda of LADDER_SHOTS shots at its usual size}; what the data hardly show is not in it."""
+    """Return {effect: lambda of LADDER_SHOTS shots at its usual size}; effects that the data hardly show are
+    missing."""
     table = tomllib.loads((Path(__file__).parents[1] / "truth" / "ladder.toml").read_text(encoding="utf-8"))
     return {name: value for name, value in table[level].items() if value > 0.1}
 
 
 def drawn_of(world: Mapping[str, Any], path: Path) -> Drawn:
-    """The world of a seal, whatever else is noted of it; InputError, with the path, for what cannot be marked."""
+    """Return the world of a seal, ignoring further notes on it; InputError, with the path, for what cannot be
+    marked."""
     try:
         drawn = convert({name: world[name] for name in Drawn.__struct_fields__ if name in world}, Drawn)
     except ValidationError as error:
@@ -384,7 +388,7 @@ HOME = "home"                         # the session of the unmodified robot that
 
 
 def make_data(drawn: Drawn, directory: Path) -> str:
-    """Write the dataset; whose work it is (engine and version). The directory must be new or empty."""
+    """Write the dataset; return its maker (engine and version). The directory must be new or empty."""
     if drawn.engine == MUJOCO:
         save_dataset(directory, _season(drawn, drawn.seed, dirty_plan(drawn.dirt, drawn.seed, drawn.shots),
                                         directory.name))
@@ -411,7 +415,7 @@ def _season(drawn: Drawn, seed: int, settings: Sequence[ShotSetting], name: str)
 
 
 def play_robot(drawn: Drawn, seed: int, settings: Sequence[ShotSetting]) -> Season:
-    """A session of MuJoCo's robot with what is hidden in it at work, and the truth beside it."""
+    """Play a session of MuJoCo's robot with its hidden changes, and return the truth with it."""
     # what is to be believed of it is not said in rig.toml but shown in the home session
     rig = structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
     options = structs.replace(Options(), **drawn.effects, **dirty_options(drawn.dirt, drawn.shots))
@@ -426,13 +430,14 @@ def make_reading(drawn: Drawn, tool: str, directory: Path) -> None:
 
 
 def home_of(worlds: tuple[Drawn, ...], seed: int) -> Drawn | None:
-    """The unmodified session that a round with MuJoCo's worlds begins with; None for one without."""
+    """Return the unmodified session that a round with MuJoCo's worlds begins with; None for one without."""
     mine = [one for one in worlds if one.engine == MUJOCO]
     return None if not mine else Drawn(HOME, MUJOCO, "clean", mine[0].level, mine[0].shots, seed, change="nothing")
 
 
 def read_off(tool: str, effects: Mapping[str, float], seed: int) -> dict[str, dict[str, float]]:
-    """{term: {"value", "sd"}} by that tool, of a robot with these effects; the same seed reads the same."""
+    """Return {term: {"value", "sd"}} by that tool, for a robot with these effects; the same seed gives the same
+    readings."""
     rng = np.random.default_rng([seed, list(TOOLS).index(tool), 23])
     found = {}
     for term, sd in TOOLS[tool].items():

@@ -31,7 +31,7 @@ FAR_BELOW_M = -100.0                  # a ball that does not get there
 
 
 class Launch(NamedTuple):
-    """Balls as they leave; angles in degrees, azimuth to the left; backspin positive; height above the floor."""
+    """Balls at the exit; angles in degrees, azimuth to the left; backspin positive; height above the floor."""
 
     speed_m_s: Floats
     elevation_deg: Floats
@@ -41,7 +41,7 @@ class Launch(NamedTuple):
 
 
 class Luck(NamedTuple):
-    """What differs from shot to shot, standard normal [n] each."""
+    """Deviations from shot to shot, standard normal [n] each."""
 
     speed: Floats
     elevation: Floats
@@ -55,19 +55,19 @@ def draw_luck(world: World) -> Luck:
 
 
 def no_luck(n: int) -> Luck:
-    """Shots as they are on average."""
+    """Return average shots, without deviations."""
     return Luck(*np.zeros((4, n)))
 
 
 def wheel_speeds(world: World, motor_ratio: Floats) -> tuple[Floats, Floats]:
-    """(lower, upper) in rad/s that encoders would read without noise; upper and lower share a belt."""
+    """Return (lower, upper) in rad/s that encoders would read without noise; upper and lower share a belt."""
     lower, upper = world.facts.launcher.wheel
     free = world.facts.launcher.free_speed_rad_s or 0.0
     return motor_ratio * free * lower.gear, motor_ratio * free * upper.gear
 
 
 def leave(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats], luck: Luck) -> Launch:
-    """How each ball leaves. wheels_rad_s: (lower, upper) by their encoders."""
+    """Return how each ball leaves. wheels_rad_s: (lower, upper) by their encoders."""
     surface = surface_speeds(world, wheels_rad_s)
     speed, spin = roll(world, surface)
     speed = speed * _kept(world, plan, wheels_rad_s)
@@ -79,7 +79,7 @@ def leave(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats], luck: L
 
 
 def surface_speeds(world: World, wheels_rad_s: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """True speeds of the (lower, upper) wheels' skins."""
+    """Return the true surface speeds of the (lower, upper) wheels."""
     lower, upper = world.facts.launcher.wheel
     faster = 1.0 + world.amount("encoder_scale")
     return (wheels_rad_s[0] * lower.radius_m * faster * (1.0 + world.amount("worn_wheel")),
@@ -87,7 +87,7 @@ def surface_speeds(world: World, wheels_rad_s: tuple[Floats, Floats]) -> tuple[F
 
 
 def roll(world: World, surface_m_s: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """(speed, backspin in rad/s) of a ball between two opposed wheels.
+    """Return (speed, backspin in rad/s) of a ball between two opposed wheels.
 
     It touches them at v + r w = lower and v - r w = upper. Slip adds to the slowness 1/v, a squeezed ball has a
     smaller r while it rolls, and a share of the speed is lost in squeezing.
@@ -116,9 +116,9 @@ def _kept(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) -> Floa
 
 
 def wheel_dip(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) -> Floats:
-    """Share of their speed that the wheels lose to a ball, by energy: what it flies and spins with, and its squeezing.
+    """Return the share of their speed that the wheels lose to a ball, by energy: its speed, spin and compression.
 
-    Taken at the speed by the wheels, so that a dip does not depend on a shot's random deviation.
+    Evaluated at the wheel-based speed, so that a dip does not depend on a shot's random deviation.
     """
     ball = world.facts.ball
     speed, spin = roll(world, surface_speeds(world, wheels_rad_s))
@@ -127,14 +127,14 @@ def wheel_dip(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) -> 
 
 
 def air_density(world: World, plan: Plan) -> Floats:
-    """kg/m3: the believed one, times the ideal gas's changes about their median as far as they are real."""
+    """Return kg/m3: the believed density times the ideal gas's real changes about their median."""
     gas = plan.pressure_pa / (plan.temperature_c + CELSIUS_K)
     change = gas / np.median(gas) - 1.0
     return world.facts.air.density_kg_m3 * (1.0 + world.amount("air_density") * change)
 
 
 class Path(NamedTuple):
-    """States of n flights every step_s from the exit on; x toward the target, y left, z up."""
+    """States of n flights every step_s from the exit; x toward the target, y left, z up."""
 
     step_s: float
     position_m: Floats                # [T, 3, n]
@@ -174,7 +174,7 @@ def _step(law: Law, t: float, p: Floats, v: Floats, h: float) -> tuple[Floats, F
 
 
 def arrive(path: Path, distance_m: Floats) -> Arrival:
-    """First crossing of x = distance_m, by Newton on the cubic of its step."""
+    """Find the first crossing of x = distance_m, by Newton's method on the cubic of its step."""
     beyond = path.position_m[:, 0] >= distance_m
     reached = beyond.any(axis=0)
     last = np.maximum(beyond.argmax(axis=0), 1)
@@ -190,7 +190,7 @@ def arrive(path: Path, distance_m: Floats) -> Arrival:
 
 
 def at(path: Path, time_s: Floats, step: np.ndarray | None = None) -> tuple[Floats, Floats]:
-    """Position and velocity [3, n] of each flight at its own time; step: whose cubic, by default that time's."""
+    """Return position and velocity [3, n] of each flight at its own time; step: whose cubic, by default that time's."""
     k = np.clip((time_s / path.step_s).astype(int), 0, len(path.position_m) - 2) if step is None else step
     lane = np.arange(len(time_s))
     p0, p1 = path.position_m[k, :, lane].T, path.position_m[k + 1, :, lane].T
@@ -201,7 +201,7 @@ def at(path: Path, time_s: Floats, step: np.ndarray | None = None) -> tuple[Floa
 
 
 def start_of(launch: Launch) -> tuple[Floats, Floats, Floats]:
-    """Position, velocity and spin vector [3, n] at the exit; backspin turns about the right-hand side."""
+    """Return position, velocity and spin vector [3, n] at the exit; backspin turns about the right-hand side."""
     up, left = np.radians(launch.elevation_deg), np.radians(launch.azimuth_deg)
     zero = np.zeros_like(up)
     velocity = launch.speed_m_s * np.stack([np.cos(up) * np.cos(left), np.cos(up) * np.sin(left), np.sin(up)])
@@ -210,7 +210,7 @@ def start_of(launch: Launch) -> tuple[Floats, Floats, Floats]:
 
 
 def make_law(world: World, plan: Plan, spin_rad_s: Floats, gust_from_s: Floats) -> Law:
-    """Acceleration of n balls: weight, drag, lift of the spin that is left, and whatever is hidden.
+    """Return the acceleration of n balls: weight, drag, lift of the remaining spin, and any hidden effect.
 
     spin_rad_s [3, n] at the exit; gust_from_s [n]: when the late gust, if there is one, sets in.
     """
@@ -242,7 +242,7 @@ def make_law(world: World, plan: Plan, spin_rad_s: Floats, gust_from_s: Floats) 
 
 
 def drag_factor(world: World, plan: Plan) -> Floats:
-    """What each ball's own drag is, relative to an ordinary ball's."""
+    """Return each ball's own drag relative to an ordinary ball's."""
     spread = 0.05 if "balls" in world.dirt else 0.0
     return ((1.0 + world.amount("drag_wear") * plan.used) * (1.0 + spread * plan.drag_of_ball)
             * (1.0 + world.amount("supplier_drag") * plan.supplier))
@@ -259,7 +259,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 class Flown(NamedTuple):
-    """Paths and where they cross their planes, and how the balls left."""
+    """Paths, where they cross their planes, and how the balls left."""
 
     path: Path
     arrival: Arrival
@@ -278,10 +278,10 @@ def fly_shots(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats], luc
 
 
 def aim(world: World, plan: Plan, seen_distance_m: Floats, seen_hood_deg: Floats) -> tuple[Floats, Floats]:
-    """(motor ratios [n], flight time of the aimed shots [n]).
+    """Return (motor ratios [n], flight time of the aimed shots [n]).
 
-    Every shot is meant to pass 1.5 to 2.5 of its own standard deviations above or below the centre, by the physics
-    that is believed and what the sensors say; then all speeds are scaled alike until the shots really do on average.
+    Under the believed physics and the sensor readings, every shot is meant to pass 1.5 to 2.5 of its own standard
+    deviations above or below the centre; then all speeds are scaled by one factor until the true average agrees.
     """
     plain = replace(world, effects={}, dirt=())
     seen = replace(plan, distance_m=seen_distance_m, hood_deg=seen_hood_deg)
@@ -296,7 +296,7 @@ def aim(world: World, plan: Plan, seen_distance_m: Floats, seen_hood_deg: Floats
 
 
 def intended_s(world: World, seen: Plan, ratio: Floats) -> Floats:
-    """Flight times [n] by the physics that is believed, of a plan as the sensors see it."""
+    """Return flight times [n] under the believed physics, for a plan as the sensors see it."""
     return np.nan_to_num(_coarse(replace(world, effects={}, dirt=()), seen, ratio).time_s, nan=1.0)
 
 

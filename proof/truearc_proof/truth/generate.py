@@ -26,9 +26,10 @@ BATTERY_NOISE_V, TEMPERATURE_NOISE_C, PRESSURE_NOISE_PA, CLOSING_NOISE_M_S = 0.0
 
 
 def see_places(world: World, plan: Plan) -> tuple[Floats, Floats]:
-    """(distance, elevation) as the robot measures them before it shoots.
+    """Return (distance, elevation) as the robot measures them before it shoots.
 
-    True = measured (1 + scale) + bias - latency x closing speed, and measured + offset - backlash x way it came.
+    True = measured (1 + scale) + bias - latency x closing speed, and measured + offset - backlash x direction of
+    approach.
     """
     rng, noise = world.rng(4), world.noise
     old = plan.distance_m + world.amount("vision_latency") * plan.closing_m_s
@@ -39,7 +40,7 @@ def see_places(world: World, plan: Plan) -> tuple[Floats, Floats]:
 
 
 def see_outcomes(world: World, flown: Flown) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """(outcome, side) of every shot; a ball that does not get to the plane is a miss, low."""
+    """Return (outcome, side) of every shot; a ball that does not reach the plane is a miss, low."""
     target = world.facts.target
     if target is None:
         raise ValueError("a world has a target")
@@ -64,7 +65,7 @@ def _mistaken(world: World, outcome: np.ndarray) -> np.ndarray:
 
 def see_telemetry(world: World, plan: Plan,
                   wheels_rad_s: tuple[Floats, Floats]) -> tuple[dict[str, Floats], dict[str, tuple[str, ...]]]:
-    """Columns of shots that telemetry and the log book add: numbers and texts."""
+    """Return columns of shots from telemetry and the log book: numbers and texts."""
     rng, n, noise = world.rng(6), world.shots, world.noise
     names = [wheel.name for wheel in world.facts.launcher.wheel]
     numbers = {f"wheel_{name}_rad_s": speed + noise.wheel_rad_s * rng.normal(size=n)
@@ -80,7 +81,7 @@ def see_telemetry(world: World, plan: Plan,
 
 
 def see_traces(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) -> Traces:
-    """Wheel speeds through every shot: steady, falling while they hold the ball, recovering."""
+    """Return wheel speeds through every shot: steady, falling while they hold the ball, recovering."""
     rng, n = world.rng(7), world.shots
     t = np.arange(round(TRACE_BEGINS_S * TRACE_HZ), round(TRACE_S * TRACE_HZ) + 1) / TRACE_HZ
     after = np.maximum(t - FED_S - GRIP_S, 0.0)
@@ -94,7 +95,7 @@ def see_traces(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) ->
 
 
 def see_tracks(world: World, flown: Flown) -> Tracks:
-    """Positions by the tracker's own clock, frame and lens, from a moment soon after release, to the plane at most."""
+    """Return positions in the tracker's own clock, frame and lens, from soon after release, to the plane at most."""
     rng, n = world.rng(8), world.shots
     stamp = np.arange(round(TRACKED_S * FRAMES_HZ) + 1) / FRAMES_HZ
     first = rng.uniform(0.0, 1.0 / FRAMES_HZ, n)
@@ -152,7 +153,7 @@ SESSIONS = 100                        # at most, of one follow-up
 
 
 class TruthSeason(NamedTuple):
-    """All that happened; the solver gets `dataset` and nothing else."""
+    """Everything that happened; the solver gets only `dataset`."""
 
     dataset: Dataset
     plan: Plan
@@ -162,19 +163,19 @@ class TruthSeason(NamedTuple):
 
 
 def shoot(world: World) -> Dataset:
-    """The dataset of a world; the same world gives the same bits."""
+    """Return the dataset of a world; the same world gives the same bits."""
     return play(world).dataset
 
 
 def write(world: World, directory: str | Path) -> Dataset:
-    """Shoot, and save the dataset as a folder; InputError when the directory is not new or empty."""
+    """Shoot, and save the dataset as a folder; InputError if the directory is not new or empty."""
     dataset = replace(shoot(world), name=Path(directory).resolve().name)
     save_dataset(directory, dataset)
     return dataset
 
 
 def play(world: World) -> TruthSeason:
-    """As shoot, with the truth beside it."""
+    """Shoot as shoot does, and return the truth with it."""
     plan = plan_shots(world)
     distance, hood = see_places(world, plan)
     ratio, flight_s = aim(world, plan, distance, hood)
@@ -190,7 +191,7 @@ def shift_m(world: World) -> Floats:
 
 
 def record(world: World, plan: Plan, seen: tuple[Floats, Floats], ratio: Floats, flight_s: Floats) -> TruthSeason:
-    """The shots of a plan and what the sensors say of them.
+    """Return the shots of a plan and the sensor readings of them.
 
     seen: (distance, elevation) as measured. ratio: of the motors. flight_s: of the aimed shots.
     """
@@ -215,7 +216,7 @@ def record(world: World, plan: Plan, seen: tuple[Floats, Floats], ratio: Floats,
 
 
 class Asked(NamedTuple):
-    """A configuration as the robot's sensors have it, and how often it is to be shot."""
+    """A configuration as the robot's sensors measure it, and how often it is to be shot."""
 
     distance_m: float
     hood_deg: float
@@ -224,7 +225,7 @@ class Asked(NamedTuple):
 
 
 def follow(world: World, asked: Sequence[Asked], number: int = 1) -> Dataset:
-    """More sessions of the same robot, with the same balls, at leisure: configurations one after another.
+    """Play more sessions of the same robot, with the same balls, at leisure: configurations one after another.
 
     The dataset has the new shots alone; their shot_ids, and the sessions' names, are none of the season's. number: of
     the follow-up; the same number shoots the same shots. ValueError when nothing is asked for.

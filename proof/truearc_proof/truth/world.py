@@ -33,7 +33,7 @@ FULL_V, RUN_DOWN_V = 12.8, 1.5
 
 
 class Effect(NamedTuple):
-    """`typical` in `unit`; `signed`: nature may turn it either way."""
+    """`typical` in `unit`; `signed`: nature may give it either sign."""
 
     name: str
     stage: str
@@ -95,7 +95,7 @@ TRACK_EFFECTS = ("track_scale", "track_tilt", "track_clock", "wind_y", "seam_for
 
 
 def find_effect(name: str) -> Effect:
-    """The effect of that name; InputError when there is none."""
+    """Return the effect of that name; InputError if there is none."""
     for effect in EFFECTS:
         if effect.name == name:
             return effect
@@ -103,13 +103,13 @@ def find_effect(name: str) -> Effect:
 
 
 def check_effects(effects: Mapping[str, float]) -> dict[str, float]:
-    """Effects as floats, by name; InputError for an unknown one."""
+    """Return effects as floats, by name; InputError for an unknown one."""
     return {find_effect(name).name: float(amount) for name, amount in sorted(effects.items())}
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """From shot to shot, standard deviations: speed and spin relative, angles in degrees."""
+    """Standard deviations from shot to shot: speed and spin relative, angles in degrees."""
 
     speed: float = 0.015
     elevation_deg: float = 0.4
@@ -136,17 +136,17 @@ class World:
     side: bool = False                # high or low is known of what is not a three
 
     def amount(self, name: str) -> float:
-        """Amplitude of an effect; 0 when it is not at work."""
+        """Return the amplitude of an effect; 0 if it is absent."""
         return self.effects.get(name, 0.0)
 
     def rng(self, what: int) -> np.random.Generator:
-        """Random numbers for one purpose: worlds that differ in effects alone share every draw."""
+        """Return random numbers for one purpose: worlds that differ in effects alone share every draw."""
         return np.random.default_rng([self.seed, what])
 
 
 def make_world(effects: Mapping[str, float] | None = None, level: str = "L0", shots: int = 300, seed: int = 0,
                dirt: Sequence[str] = (), believe: Sequence[str] = BELIEVED, side: bool = False) -> World:
-    """A world of the paper's two-wheel rig, its coefficients drawn from `seed`.
+    """Make a world of the paper's two-wheel rig, with coefficients drawn from `seed`.
 
     effects: {name: amplitude in the unit of truearc_proof.truth.world}. Terms missing in `believe` are true all the
     same (that is a way of hiding drag, lift, or the loss of speed). InputError for an unknown level, effect or dirt.
@@ -176,7 +176,7 @@ def _rig(dirt: Sequence[str], believe: Sequence[str]) -> Rig:
 
 @dataclass(frozen=True)
 class Plan:
-    """True circumstances of every shot, in the order of shooting; all [n]."""
+    """True circumstances of every shot, in shooting order; all [n]."""
 
     session: Ints
     t_s: Floats                       # in the session
@@ -197,7 +197,7 @@ class Plan:
 
 
 def plan_shots(world: World) -> Plan:
-    """Circumstances drawn from the world's seed; effects change none of them."""
+    """Draw circumstances from the world's seed; effects change none of them."""
     n, rng = world.shots, world.rng(1)
     session, place = _sessions(n)
     since = np.where(rng.random(n) < 0.5, rng.uniform(0.5, 3.0, n), rng.uniform(3.0, 10.0, n))
@@ -217,7 +217,7 @@ def plan_shots(world: World) -> Plan:
 
 
 def tile_plan(plan: Plan, times: int) -> Plan:
-    """The same shots several times over."""
+    """Repeat the same shots several times."""
     return Plan(**{name: np.tile(column, times) for name, column in vars(plan).items()})
 
 

@@ -73,7 +73,7 @@ def project_turning(points_m: Array, camera_from_points: Array, lens: Lens, foca
 
 @dataclass(frozen=True)
 class Look(PlainLook):
-    """What lens, sensor and motion do to the picture."""
+    """Effects of lens, sensor and motion on the picture."""
 
     smear_px: tuple[float, float] = (0.0, 0.0)    # right and down, while the shutter is open
     turn_deg_s: tuple[float, float] = (0.0, 0.0)  # of the camera, right and up; its rows are exposed one after another
@@ -85,14 +85,14 @@ USUAL = Look()
 
 
 class Patch(NamedTuple):
-    """A polygon before everything else: it shines, or where its colour is black it hides."""
+    """A polygon in front of everything else: it shines, or hides if its colour is black."""
 
     corners_px: Array                 # (n, 2), as seen
     bgr: tuple[float, float, float]
 
 
 class StagedCamera(EmulatedCamera):
-    """An emulated camera whose `expose` gives pictures of a scene with something wrong."""
+    """An emulated camera whose `expose` gives pictures of a scene with a defect."""
 
     def __init__(self, scene: Scene, lens: Lens, tape: TapeSize, seed: int, *, look: Look = USUAL) -> None:
         super().__init__(scene, lens, tape, seed, look)
@@ -101,11 +101,11 @@ class StagedCamera(EmulatedCamera):
         self._patches: tuple[Patch, ...] = ()
 
     def black(self, on: bool = True) -> None:
-        """Images keep coming and show nothing but noise, as with a lens cap on."""
+        """Show nothing but noise from now on, as with a lens cap on."""
         self._black = on
 
     def clutter(self, patches: tuple[Patch, ...]) -> None:
-        """From now on these stand before the scene, instead of any earlier ones."""
+        """Place these in front of the scene from now on, instead of any earlier ones."""
         self._patches = patches
 
     def _draw(self, noise: Image, dice: npt.NDArray[np.int64], exposure: float) -> Image:
@@ -141,7 +141,7 @@ class StagedCamera(EmulatedCamera):
 
 
 def tone(image: Image, gamma: float) -> Image:
-    """The image as the camera's tone curve writes the light that its sensor has measured."""
+    """Return the image after the camera's tone curve, from the light that its sensor has measured."""
     if gamma == 1.0:
         return image.copy()
     curve = np.rint(255 * np.linspace(0.0, 1.0, 256) ** (1 / gamma)).astype(np.uint8)
@@ -162,7 +162,7 @@ def _smear(along_px: tuple[float, float]) -> Plane:
 
 
 def lights(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
-    """Lamps and signs of any colour, many of them green, as bars, wedges and discs."""
+    """Return lamps and signs of any colour, many of them green, as bars, wedges and discs."""
     patches = []
     for _ in range(int(random.integers(2, 9))):
         corners = int(random.integers(3, 9))
@@ -176,7 +176,8 @@ def lights(lens: Lens, outline: Array | None, random: np.random.Generator) -> tu
 
 
 def frames(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
-    """Irregular outlines of green light: three or four bars end to end, open or closed, like tubes and door frames."""
+    """Return irregular outlines of green light: three or four bars end to end, open or closed, like tubes and door
+    frames."""
     at = random.uniform(0.15, 0.85, 2) * (lens.width_px, lens.height_px)
     size = random.uniform(15, 150, 2)
     corners = at + np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * size / 2 + random.normal(0, 0.2, (4, 2)) * size
@@ -187,7 +188,7 @@ def frames(lens: Lens, outline: Array | None, random: np.random.Generator) -> tu
 
 
 def floor_reflection(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
-    """The target again, upside down, below where it is, dimmer and broken."""
+    """Return the target again, upside down, below its position, dimmer and broken."""
     if outline is None:
         return lights(lens, outline, random)
     level = float(random.uniform(0.3, 1.0))
@@ -197,17 +198,17 @@ def floor_reflection(lens: Lens, outline: Array | None, random: np.random.Genera
 
 
 def second_goal(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
-    """Another half hexagon of the same make, somewhere else."""
+    """Return another half hexagon of the same make, elsewhere."""
     return _shape(HALF_HEXAGON, lens, random, (1.5, 2.6))
 
 
 def other_target(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
-    """A target of another year, at any height on any wall."""
+    """Return a target of another year, at any height on any wall."""
     return _shape(OTHERS[int(random.integers(0, len(OTHERS)))], lens, random, (0.4, 2.8))
 
 
 def in_the_way(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
-    """A dark bar, arm or robot before a part of the target."""
+    """Return a dark bar, arm or robot in front of a part of the target."""
     if outline is None:
         return lights(lens, outline, random)
     low, high = outline.min(axis=0), outline.max(axis=0)
@@ -219,7 +220,7 @@ def in_the_way(lens: Lens, outline: Array | None, random: np.random.Generator) -
 
 
 def glare(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
-    """A bright thing that touches the target."""
+    """Return a bright object that touches the target."""
     if outline is None:
         return lights(lens, outline, random)
     at = outline[int(random.integers(0, len(outline)))] + random.normal(0, 6, 2)

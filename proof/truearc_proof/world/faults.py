@@ -20,7 +20,7 @@ KINDS = (SILENT, UNPLUGGED, UNPOWERED, DEAF, TRUNCATED, LENGTHENED, OVERWRITTEN,
 
 
 class Fault(Struct, frozen=True):
-    """One thing wrong from `begin_ns` until `end_ns` (not included); with `frame_id`, only with those frames."""
+    """One fault from `begin_ns` until `end_ns` (exclusive); with `frame_id`, only for those frames."""
 
     kind: str
     begin_ns: int
@@ -37,9 +37,9 @@ class Fault(Struct, frozen=True):
 
 
 class FaultyNode:
-    """A node with things wrong with it.
+    """A node with faults.
 
-    What drives its motor is unaffected, unless it no longer hears commands or has no power.
+    Its motor output is unaffected, unless it no longer receives commands or has no power.
     """
 
     def __init__(self, node: Node, faults: tuple[Fault, ...]) -> None:
@@ -53,7 +53,7 @@ class FaultyNode:
         self.suffer(*faults)
 
     def suffer(self, *faults: Fault) -> None:
-        """These things go wrong, too."""
+        """Add these faults."""
         self._faults += faults
         self._cuts = sorted([*self._cuts, *((fault.begin_ns, fault.end_ns) for fault in faults
                                             if fault.kind == UNPOWERED)])

@@ -100,7 +100,8 @@ def _tracks(trials: Sequence[Trial], sensors: Sensors, rng: np.random.Generator,
 
 
 def ball_from_muzzle(world: World) -> Ball | None:
-    """(s since it left, x, y, z in the launcher's axes) of the ball that left last, None if none is in the air."""
+    """Return (s since it left, x, y, z in the launcher's axes) of the ball that left last, None if none is in the
+    air."""
     if not world.flying:
         return None
     data = world.flying[-1].data
@@ -141,7 +142,7 @@ def _falls_through(track: np.ndarray) -> float:
 
 
 def reach_m(hood_deg: float, ratio: float) -> float:
-    """The table between its points, linear in both; nan outside it."""
+    """Interpolate the table, linearly in both; nan outside it."""
     table = reach_table()
     row = (hood_deg - HOODS_DEG[0]) / (HOODS_DEG[1] - HOODS_DEG[0])
     column = (ratio - RATIOS[0]) / (RATIOS[1] - RATIOS[0])
@@ -154,7 +155,7 @@ def reach_m(hood_deg: float, ratio: float) -> float:
 
 
 def plan_season(seed: int, shots: int, nearest_m: float = NEAREST_M) -> list[ShotSetting]:
-    """Configurations about the goal, in the order in which they are shot, from this distance on."""
+    """Return configurations about the goal, in shooting order, from this distance on."""
     rng = np.random.default_rng([seed, 8])
     settings: list[ShotSetting] = []
     for _ in range(TRIES * shots):
@@ -168,7 +169,7 @@ def plan_season(seed: int, shots: int, nearest_m: float = NEAREST_M) -> list[Sho
 
 
 def survey() -> None:
-    """Balls without scatter, at motor speeds up to the free speed."""
+    """Shoot balls without scatter, at motor speeds up to the free speed."""
     print("ratio  exit speed / wheels' mean surface speed  spin / spin without slip")
     for ratio in (0.4, 0.5, 0.6, 0.7, 0.8, 0.9):
         shot = Bench(World(0, Options(scatter_scale=0.0))).fire(ratio * FREE_RAD_S, 45.0, 1)[0]

@@ -36,7 +36,7 @@ TAIL_SD = 8.0                        # standard deviations: in a normal tail bey
 
 @dataclass(frozen=True, eq=False)
 class ChangeTest:
-    """Of m shots with an outcome or a height, in their order.
+    """A test over m shots with an outcome or a height, in order.
 
     rows [m]: in the dataset; e_value [m] after each; directions: names of what may have changed.
     """
@@ -47,21 +47,23 @@ class ChangeTest:
     work: "_Work"
 
     def alarm(self, false_alarm: float) -> int | None:
-        """Place among the m shots of the first with an alarm; None where there is none."""
+        """Place of the first alarm among the m shots; None if there is none."""
         above = np.flatnonzero(self.e_value >= 1.0 / false_alarm)
         return int(above[0]) if len(above) else None
 
     def since(self, last: int) -> tuple[int, Float[np.ndarray, " k"]]:
-        """(place of the shot at which a change is likeliest to have come, by the shots up to place `last`; how likely
-        each place [last + 1] is, all alike a priori)."""
+        """Return (the likeliest shot of the change given the shots up to place `last`; the probability of each place
+        [last + 1], with a uniform prior)."""
         likely = self.work.starts(last)
         return int(np.argmax(likely)), likely / likely.sum()
 
 
 def test_change(evidence: ScoreTable, seed: int = 0, but: Collection[str] = ()) -> ChangeTest:
-    """Judge the shots of a score table made at the belief's mean, whose shared columns have the belief's posterior as
-    their prior; its tracks play no part. but: terms that are not among the directions. ValueError where no shot has an
-    outcome or a height."""
+    """Test the shots of a score table made at the belief's mean, with the belief's posterior as prior of its shared
+    columns.
+
+    Tracks are not used. but: terms that are not among the directions. ValueError if no shot has an outcome or a height.
+    """
     work = _Work.of(evidence, seed, but)
     e_value = work.run()
     assert evidence.plane is not None
@@ -73,7 +75,7 @@ test_change.__test__ = False          # type: ignore[attr-defined]  # not one of
 
 
 def directions_of(evidence: ScoreTable, but: Collection[str] = ()) -> Int[np.ndarray, " K"]:
-    """Columns of terms and of free changes that are alike in all shots, as far as any height depends on them."""
+    """Return columns of terms and of free changes that are equal in all shots, if any height depends on them."""
     assert evidence.plane is not None
     own = [k for k, column in enumerate(evidence.columns[:evidence.first_shared])
            if (column.kind == "term" or not column.follows) and column.term not in but]
@@ -172,7 +174,7 @@ def _share(low: float, high: float, mean_m: Some, spread_m: Some, wider_m: Some)
 
 
 def drawn(evidence: ScoreTable, seed: int) -> Float[np.ndarray, "S p"]:
-    """Departures of the shared columns from the belief's mean, drawn from its posterior."""
+    """Draw departures of the shared columns from the belief's mean, from its posterior."""
     precision = evidence.precision
     root = np.linalg.cholesky(np.linalg.inv(precision))
     uniform = qmc.Sobol(len(precision), seed=seed).random(DRAWS)

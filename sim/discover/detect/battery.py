@@ -43,6 +43,7 @@ from scipy.stats import multivariate_normal
 
 from truearc.sim.discover.detect import covariates as functions
 from truearc.sim.discover.detect.covariates import SAME_SHAPE, Covariate, Factor, Look, WeightFunction, weights_of
+from truearc.sim.infer.intervals import NumberChange, estimate_by_shots
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.printed import Progress
@@ -72,7 +73,7 @@ class Scores:
     kept: Bool[Array, " M"]
 
     def take(self, kept: Int[Array, " kept"]) -> "Scores":
-        """These of the tests."""
+        """Return the scores of these tests."""
         return Scores(self.psi[:, kept], self.kappa[:, kept], self.stretch[:, kept], self.kept[kept])
 
 
@@ -96,7 +97,7 @@ class Judged:
     weights: dict[str, float]
 
     def threshold(self, family: str, false_alarm: float) -> float:
-        """The statistic from which one test of the family is an alarm; infinite where nothing was asked."""
+        """Return the statistic above which one test of the family is an alarm; infinite if nothing was tested."""
         if family not in self.largest:
             return float("inf")
         allowed = np.quantile(_least(self.largest, self.weights)[1], false_alarm) * self.weights[family]
@@ -105,7 +106,7 @@ class Judged:
 
 def efficient_scores(evidence: ScoreTable, channel: int, weights: Float[Array, "n q"], rows: Int[Array, " n"],
                      shots: int) -> Scores:
-    """Scores of `weights` (q tests on one channel) in these `rows` of `shots`; those of the p priors follow."""
+    """Return scores of `weights` (q tests on one channel) in these `rows` of `shots`; those of the p priors follow."""
     shared, first = evidence.shared, evidence.first_shared
     place = evidence.deal.place[:, first:] - first
     k_cc, k_ct, k_tt = (evidence.info[:, channel, channel], evidence.info[:, channel, first:],
@@ -241,7 +242,7 @@ class ReferenceSession:
         return Look(len(rows), lambda what: self.find(what)[rows])
 
     def find(self, what: Covariate | Factor) -> Shaped[Array, " shots"]:
-        """Its values, or codes, of every shot of home; nan, or -1, where home knows nothing of it."""
+        """Return its values, or codes, of every shot of home; nan, or -1, where home has none."""
         names = what.names if isinstance(what, Covariate) else (what.name,)
         known = next((self.columns[name] for name in names if name in self.columns), None)
         if isinstance(what, Factor):
@@ -250,7 +251,7 @@ class ReferenceSession:
         return self._all(np.nan) if known is None else np.asarray(known, dtype=float)
 
     def own(self, what: Covariate | Factor | functions.CovariatePair | None) -> Covariate | Factor | None:
-        """The same as it was here; None where it did not vary, and for two together."""
+        """Return the same as at home; None if it did not vary, and for two together."""
         if isinstance(what, Factor):
             return Factor(what.name, what.levels, self.find(what))
         if not isinstance(what, Covariate) or not functions.varies(self.look.at(what)):
@@ -258,13 +259,14 @@ class ReferenceSession:
         return Covariate(((what.name, self.find(what)),))
 
     def index(self, name: str) -> int | None:
-        """Of the tested column; None where there is none."""
+        """Return the place of the tested column; None if there is none."""
         columns = self.fitted.scores.columns[:self.fitted.scores.first_shared]
         return next((k for k, column in enumerate(columns) if column.name == name), None)
 
     def beside(self, scores: Scores, evidence: ScoreTable, number: int, shapes: Sequence[WeightFunction],
                weights: Float[Array, "n q"]) -> Scores:
-        """The scores of `shapes` (`weights` [n, q]) on the evidence's column, less home's, whose signs follow."""
+        """Return the scores of `shapes` (`weights` [n, q]) on the evidence's column, minus home's, whose signs
+        follow."""
         mine = self.fitted.scores
         column = self.index(evidence.columns[number].name)
         rows = len(mine.rows) + len(mine.precision)
@@ -277,7 +279,7 @@ class ReferenceSession:
         return _joined(scores, found, np.where(said <= MOST * told, said / np.maximum(told, 1e-300), 0.0))
 
     def among(self, fitted: LauncherFit) -> "ReferenceSession":
-        """Home with the effects that `fitted` has been given since fitted there, too."""
+        """Return home with the effects of `fitted` fitted there, too."""
         first = fitted.scores.first_shared
         given = {column.name for column in fitted.scores.columns[first:] if column.kind != "group"}
         own = self.fitted.scores.columns[self.fitted.scores.first_shared:]
@@ -311,7 +313,7 @@ ALLOWANCE = {TERMS: 0.6, FREE: 0.3, PATTERN: 0.1}  # chosen: one of twenty terms
 
 @dataclass(frozen=True)
 class Test:
-    """One question: does this column's amplitude go with these weights [n]? what None: the same in every shot."""
+    """One test: does this column's amplitude vary with these weights [n]? what None: the same in every shot."""
 
     __test__ = False                  # not one of pytest's
 
@@ -333,7 +335,8 @@ class Asked:
 
 def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor], shots: int,
                    seed: int, home: ReferenceSession | None = None) -> Asked:
-    """All tests that the `shots` of the dataset can carry, except along a factor whose groups have random effects.
+    """Return all tests that the `shots` of the dataset allow, except along a factor whose groups have random
+    effects.
 
     home: the misfit of that session is subtracted.
     """
@@ -366,7 +369,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
 
 
 def name_of(test: Test, column: Column) -> str | None:
-    """The covariate as reported: what it varies with inside a flight, a column, or nothing."""
+    """Return the covariate as reported: what it varies with inside a flight, a column, or nothing."""
     if column.kind == "free" and column.follows:
         return column.follows
     return None if test.what is None else test.what.name
@@ -380,17 +383,6 @@ def _join(parts: list[Scores]) -> Scores:
 # Chosen: a tracker that was moved has changed in several numbers one time in ten
 ODDS = 0.1                            # a priori, of one more number that changed, or of another term instead
 LEAST = 0.05                          # probability from which a number or term is listed; chosen: one in twenty
-
-
-@dataclass(frozen=True)
-class NumberChange:
-    """Column, with the probability that it changed, and the change [its unit] if it did."""
-
-    name: str
-    unit: str
-    probability: float
-    change: float
-    sd: float
 
 
 @dataclass(frozen=True)
@@ -433,7 +425,7 @@ def compare_trackers(fitted: LauncherFit, home: LauncherFit, false_alarm: float)
 
 
 def can_compare(fitted: LauncherFit, home: LauncherFit) -> bool:
-    """Whether both sessions have the tracker's numbers, and enough flights."""
+    """Return whether both sessions have the tracker's numbers, and enough flights."""
     names = _numbers(fitted, home)
     return bool(names) and _clusters(fitted, home) > len(names) + 1
 
@@ -443,8 +435,8 @@ def _clusters(fitted: LauncherFit, home: LauncherFit) -> int:
 
 
 def rivals_of(fitted: LauncherFit, home: LauncherFit, term: str) -> tuple[NumberChange, ...]:
-    """The term, and the tracker's numbers of which one alone explains the sessions' difference about as well; each as
-    likely a priori. Empty where there are none."""
+    """Return the term, and the tracker's numbers that alone explain the difference between the sessions about as well;
+    each equally likely a priori. Empty if there are none."""
     names = _numbers(fitted, home)
     if not names or term in names or term not in _terms(fitted) & _terms(home):
         return ()
@@ -497,7 +489,7 @@ class _Difference:
 
 def _difference(fitted: LauncherFit, home: LauncherFit, names: Sequence[str], term: str = "") -> _Difference:
     """Of the tracker's numbers, and of one term where it is named."""
-    (value, here), (before, there) = (_estimate(one.scores, one.scores.together, _places(one.scores, names, term))
+    (value, here), (before, there) = (estimate_by_shots(one.scores, _places(one.scores, names, term))
                                       for one in (fitted, home))
     columns = tuple(fitted.scores.columns[k] for k in _places(fitted.scores, names, term))
     return _Difference(columns, value - before, here + there, np.sqrt(2.0) * np.array([one.usual for one in columns]))
@@ -506,23 +498,3 @@ def _difference(fitted: LauncherFit, home: LauncherFit, names: Sequence[str], te
 def _places(evidence: ScoreTable, names: Sequence[str], term: str) -> list[int]:
     where = {column.name: k for k, column in enumerate(evidence.columns)}     # of two of one name the shared one
     return [where[name] for name in names] + ([evidence.index(term)] if term else [])
-
-
-def _estimate(evidence: ScoreTable, label: Int[Array, " n"],
-              places: Sequence[int]) -> tuple[Float[Array, " k"], Float[Array, "k k"]]:
-    """(values, covariance) of some columns, one step from the top, with all shared ones free."""
-    first = evidence.first_shared
-    kept = [k for k in places if k < first] + list(range(first, len(evidence.columns)))
-    extra, at = len(kept) - len(evidence.precision), [kept.index(k) for k in places]
-    usual = np.array([evidence.columns[k].usual for k in kept])
-    prior = np.diag(usual**-2.0)
-    prior[extra:, extra:] = evidence.precision
-    inverse = np.linalg.inv(evidence.information[np.ix_(kept, kept)] + prior)
-    score = np.zeros((int(label.max()) + 1, len(kept)))
-    np.add.at(score, label, evidence.score[:, kept])
-    many = len(np.unique(label))
-    middle = score.T @ score * many / (many - 1)
-    middle[at, at] += usual[at]**-2.0
-    step = inverse @ (score.sum(0) + np.concatenate([np.zeros(extra), evidence.pull]))
-    start = np.concatenate([np.zeros(extra), evidence.point[first:]])
-    return (start + step)[at], (inverse @ middle @ inverse)[np.ix_(at, at)]

@@ -33,7 +33,7 @@ IN_FLIGHT = ("speed_in_flight_m_s", "time_in_flight_s")      # what forces vary 
 
 @dataclass(frozen=True)
 class Covariate:
-    """A number a shot, nan where unknown, under each of its names: columns so alike that the data cannot part them."""
+    """A number per shot, nan where unknown, under each of its names: columns too similar for the data to separate."""
 
     columns: tuple[tuple[str, Each], ...]
 
@@ -50,12 +50,13 @@ class Covariate:
         return self.columns[0][1]
 
     def led_by_launch(self) -> "Covariate":
-        """The same under the ball's speed or spin, if just one of them is among the names: forces know no wheels."""
+        """Return the same under the ball's speed or spin, if just one is among the names: forces do not depend on
+        wheels."""
         states = [name for name in LAUNCH_STATE if name in self.names]
         return self.led_by(states) if len(states) == 1 else self
 
     def led_by(self, names: Collection[str]) -> "Covariate":
-        """The same under the first of its names that is among these, if any."""
+        """Return the same under the first of its names that is among these, if any."""
         return Covariate(tuple(sorted(self.columns, key=lambda column: column[0] not in names)))
 
 
@@ -70,7 +71,7 @@ class Factor:
 
 @dataclass(frozen=True)
 class CovariatePair:
-    """Two covariates that something may depend on together: `place` [2, n] in standard deviations, 0 where unknown."""
+    """Two covariates with a joint dependence: `place` [2, n] in standard deviations, 0 where unknown."""
 
     first: Covariate
     second: Covariate
@@ -82,9 +83,9 @@ class CovariatePair:
 
 
 def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
-    """Columns, derived launch state, time and order, and first value and dip of each telemetry signal.
+    """Return columns, derived launch state, time and order, and first value and dip of each telemetry signal.
 
-    Columns that run alike (|correlation| >= 0.98) are one covariate; constant ones are left out.
+    Columns that vary alike (|correlation| >= 0.98) are one covariate; constant ones are omitted.
     """
     found: list[Covariate] = []
     for name, values in number_columns(dataset).items():
@@ -99,7 +100,7 @@ def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
 
 
 def gather_factors(shots: Shots) -> tuple[Factor, ...]:
-    """Text columns with between two and twenty levels."""
+    """Return text columns with between two and twenty levels."""
     found = []
     for name in shots.texts:
         levels = tuple(sorted({text for text in shots.text(name) if text}))
@@ -110,13 +111,13 @@ def gather_factors(shots: Shots) -> tuple[Factor, ...]:
 
 
 def followed_column(follows: str, covariates: Iterable[Covariate]) -> str | None:
-    """The column behind what a term follows from shot to shot; None for what goes on inside a flight."""
+    """Return the column that a term follows from shot to shot; None for effects inside a flight."""
     names = {name for covariate in covariates for name in covariate.names}
     return next((name for name in FOLLOWED.get(follows, ()) if name in names), None)
 
 
 def carried_by(covariate: Covariate, factors: tuple[Factor, ...]) -> tuple[str, ...]:
-    """Factors in each of whose levels the covariate stays the same: any of them could stand in its place."""
+    """Return the factors within each of whose levels the covariate is constant: any of them could replace it."""
     values, held = covariate.values, []
     for factor in factors:
         groups = [values[(factor.codes == code) & np.isfinite(values)] for code in range(len(factor.levels))]
@@ -126,7 +127,8 @@ def carried_by(covariate: Covariate, factors: tuple[Factor, ...]) -> tuple[str, 
 
 
 def smooth_shapes(values: Each) -> Float[Array, "n shapes"]:
-    """Natural cubic spline basis [n, 4] on the quantiles of `values`: straight, and three bends; unknown = 0."""
+    """Return a natural cubic spline basis [n, 4] on the quantiles of `values`: straight, and three bends; unknown =
+    0."""
     known = np.isfinite(values)
     middle, width = values[known].mean(), values[known].std()
     scaled = np.where(known, (values - middle) / width, 0.0)
@@ -140,7 +142,7 @@ def smooth_shapes(values: Each) -> Float[Array, "n shapes"]:
 
 
 def spline_knots(values: Each) -> Float[Array, " knots"]:
-    """Where the basis of `smooth_shapes` bends, ends included; two places where it does not."""
+    """Return the knots of `smooth_shapes`, ends included; two places if it has none."""
     knots = _quantiles(values)
     return knots if len(knots) >= 4 else np.array([values.min(), values.max()])
 
@@ -181,8 +183,8 @@ WIDEST_PLACE = 2.5                    # standard deviations beyond which a covar
 
 @dataclass(frozen=True)
 class Look:
-    """A session's n shots. `at`: what they are by a covariate, numbers [n], nan where unknown; or by a factor, codes
-    [n] of its levels, -1 where unknown."""
+    """A session's n shots. `at`: their values of a covariate [n], nan where unknown, or their codes of a factor's
+    levels [n], -1 where unknown."""
 
     n: int
     at: Callable[[Covariate | Factor], Shaped[Array, " n"]]
@@ -193,7 +195,7 @@ Law = Callable[[Array], Each]         # by the covariate [n], or the place [2, n
 
 @dataclass(frozen=True)
 class WeightFunction:
-    """One way of weighing. what None: every shot alike. `weigh`: weights [n] of the shots of a session so looked at."""
+    """One way of weighting. what None: every shot alike. `weigh`: weights [n] of the shots of a Look."""
 
     what: Covariate | Factor | CovariatePair | None
     name: str
@@ -208,8 +210,10 @@ SAME_SHAPE = WeightFunction(None, "same", _ones)
 
 
 def number_shapes(covariate: Covariate, look: Look) -> list[WeightFunction]:
-    """Straight, bent, steps, proportional. All but the last are centred; a shot whose covariate is unknown weighs
-    nothing."""
+    """Return straight, bent, step and proportional shapes.
+
+    All but the last are centred; a shot whose covariate is unknown has weight 0.
+    """
     values = look.at(covariate)
     known = np.isfinite(values)
     if known.sum() < FEWEST or not varies(values):
@@ -227,7 +231,7 @@ def number_shapes(covariate: Covariate, look: Look) -> list[WeightFunction]:
 
 
 def group_shapes(factor: Factor, look: Look) -> list[WeightFunction]:
-    """Each level of a factor with enough shots against the rest, centred."""
+    """Contrast each level of a factor that has enough shots with the rest, centred."""
     codes = look.at(factor)
     found = []
     for code, level in enumerate(factor.levels):
@@ -238,8 +242,8 @@ def group_shapes(factor: Factor, look: Look) -> list[WeightFunction]:
 
 
 def pair_shapes(covariates: Sequence[Covariate], look: Look, seed: int) -> list[WeightFunction]:
-    """Over the plane of every two covariates, centred: their product, and over some planes a random wave (random
-    Fourier features of a Gaussian kernel), so that whatever two of them do together leaves a trace."""
+    """Return centred shapes over the plane of every two covariates: their product and, over some planes, a random wave
+    (random Fourier features of a Gaussian kernel), so that any joint effect leaves a trace."""
     placed = [(one, _place_in(look.at(one))) for one in covariates if varies(look.at(one))]
     pairs = [_Plane(*first, *second) for first, second in itertools.combinations(placed, 2)]
     shapes = [pair.shape("product", look, _product) for pair in pairs]
@@ -251,7 +255,7 @@ def pair_shapes(covariates: Sequence[Covariate], look: Look, seed: int) -> list[
 
 
 def weights_of(shapes: Sequence[WeightFunction], look: Look) -> Float[Array, "n q"]:
-    """Weights [n, q] of the shots so looked at."""
+    """Return weights [n, q] of the shots of a Look."""
     return np.stack([shape.weigh(look) for shape in shapes], axis=1)
 
 

@@ -1,6 +1,6 @@
 """Localizes a mismatch: the free change, stage, covariate and part of the flight in which it appears.
 
-Each place is scored by the gain of a smooth correction of one channel over one covariate on held-out shots.
+Each place is scored by how much a smooth correction of one channel over one covariate gains on held-out shots.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ FIRM = 1e-6                           # of everything else, so that an alias of 
 
 @dataclass(frozen=True)
 class Correction:
-    """Changes of the test's column and the shared ones: for each shot fitted to the other folds.
+    """Changes of the test's column and the shared ones: for each shot, fitted to the other folds.
 
     evidence: with these columns only.
     """
@@ -58,10 +58,10 @@ def correct(evidence: ScoreTable, test: Test) -> Correction:
 
 
 def curve_of(found: Correction) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """(amplitude less its mean over the shots, its standard deviation) [n], as fitted to all shots.
+    """Return (amplitude minus its mean over the shots, its standard deviation) [n], fitted to all shots.
 
-    By the information at the fit, the ridge as a prior, shared numbers marginalised. The mean is left out: a shared
-    number may stand in for it.
+    Uses the information at the fit with the ridge as a prior and shared numbers marginalised. The mean is omitted,
+    since a shared number may replace it.
     """
     basis, fit, covariance = _estimate(found)
     shape = basis - basis.mean(0)
@@ -69,7 +69,7 @@ def curve_of(found: Correction) -> tuple[Float[Array, " n"], Float[Array, " n"]]
 
 
 def contrast_of(found: Correction, weights: Float[Array, " n"]) -> tuple[float, float]:
-    """(sum over the shots of weights x amplitude, its standard deviation), as fitted to all shots."""
+    """Return (sum over the shots of weights x amplitude, its standard deviation), fitted to all shots."""
     basis, fit, covariance = _estimate(found)
     shape = weights @ basis
     return float(shape @ fit), float(np.sqrt(max(shape @ covariance @ shape, 0.0)))
@@ -181,9 +181,9 @@ RESAMPLES = 400                       # a share is known to 2.5 %
 
 @dataclass(frozen=True)
 class Place:
-    """Where, without the catalogue: the free change that carries most, and its correction over its covariate.
+    """Location without the catalogue: the free change that explains most, and its correction over its covariate.
 
-    `stage_probability`: by the best free change of each stage, on unseen shots.
+    `stage_probability`: from the best free change of each stage, on unseen shots.
     """
 
     test: Test
@@ -196,7 +196,8 @@ class Place:
 
 
 def pick(tests: Sequence[Test], judged: Judged, among: Int[Array, " k"]) -> int:
-    """The test that explains most; of those nearly as good the plainest: same for all, then a number, then a group."""
+    """Return the test that explains most; among nearly equal ones the simplest: constant, then a number, then a
+    group."""
     best = judged.gain[among].max()
     good: list[int] = [k for k in among.tolist() if judged.gain[k] >= AS_GOOD * best]
     return min(good, key=lambda k: (_plainness(tests[k]), -judged.gain[k]))
@@ -212,9 +213,9 @@ def _plainness(test: Test) -> int:
 
 def locate(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: float, shots: int,
            seed: int) -> Place | None:
-    """Take the best free change of every stage, correct by it, and weigh the stages by what that gains held out.
+    """Correct by the best free change of every stage, and weigh the stages by the gain on held-out shots.
 
-    None where nothing free could be tested.
+    None if nothing free could be tested.
     """
     tests = asked.tests
     free = np.array([k for k, test in enumerate(tests) if test.family == FREE], dtype=int)
@@ -283,7 +284,8 @@ def _bin_edges(values: Float[Array, " m"]) -> Float[Array, " edges"]:
 
 
 def times_of(evidence: ScoreTable, test: Test) -> tuple[float, float] | None:
-    """Shortest run of bands of flight time that holds SHARE of what the test's weights explain, band by band."""
+    """Return the shortest run of flight-time bands that holds SHARE of what the test's weights explain, band by
+    band."""
     channel = evidence.columns[test.column]
     bands = [k for k, other in enumerate(evidence.columns) if other.times_s and other.direction == channel.direction]
     if channel.stage != "flight" or not bands:
@@ -301,13 +303,13 @@ def times_of(evidence: ScoreTable, test: Test) -> tuple[float, float] | None:
 
 def joint_bands(evidence: ScoreTable, bands: Sequence[int],
                 weights: Float[Array, " n"]) -> Float[Array, " bands"]:
-    """Amplitude of each band when all are fitted at once to shots weighted by `weights` [n] (one for each band)."""
+    """Return the amplitude of each band, all fitted jointly to shots weighted by `weights` [n] (one per band)."""
     info = np.einsum("n,nij->ij", weights**2, evidence.info[:, bands][:, :, bands])
     return np.linalg.solve(info + 1e-9 * np.trace(info) * np.eye(len(bands)), weights @ evidence.score[:, bands])
 
 
 def shortest_run(parts: Float[Array, " parts"]) -> tuple[int, int] | None:
-    """(first, last) of the shortest run that holds SHARE of the sum of non-negative parts, the fullest of those."""
+    """Return (first, last) of the shortest run with SHARE of the sum of non-negative parts, the fullest of those."""
     total = parts.sum()
     if total <= 0.0:
         return None
@@ -318,15 +320,15 @@ def shortest_run(parts: Float[Array, " parts"]) -> tuple[int, int] | None:
 
 
 def amplitude_of(correction: Correction) -> float:
-    """Size of the effect in the column's unit: how far it changes over the covariate's middle nine tenths.
+    """Return the size of the effect in the column's unit: its change over the covariate's middle 90 %.
 
-    The same in every shot: its value. Groups: the largest difference between two. Pairs: between any two shots.
+    For a constant effect, its value. For groups, the largest difference between two; for pairs, between any two shots.
     """
     return float(size_weights(correction) @ correction.amplitude)
 
 
 def size_weights(correction: Correction) -> Float[Array, " n"]:
-    """Weights of the shots' amplitudes in the effect's size."""
+    """Return the weights of the shots' amplitudes in the effect's size."""
     what, amplitude = correction.test.what, correction.amplitude
     if what is None:
         return np.full(len(amplitude), 1.0 / len(amplitude))

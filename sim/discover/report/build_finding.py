@@ -9,18 +9,21 @@ from msgspec import UNSET, UnsetType, structs
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
-from truearc.sim.discover.decide import LIKELY, Search, Step, verdict_of
+from truearc.sim.discover.decide import LIKELY, Search, Step, opening_of, verdict_of
 from truearc.sim.discover.detect import battery
-from truearc.sim.discover.detect.battery import Asked, Judged, NumberChange, can_compare, compare_trackers, name_of
+from truearc.sim.discover.detect.battery import Asked, Judged, can_compare, compare_trackers, name_of
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
 from truearc.sim.discover.detect.localization import Place, contrast_of, size_weights, times_of
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
+from truearc.sim.discover.identifiability import sight_of
 from truearc.sim.discover.next_steps import blind_terms, has_spin, measure_blind, measure_terms, next_steps
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.finding_text import say_improbable
 from truearc.sim.discover.select.simulations import end_errors, side_errors, times_off
 from truearc.sim.discover.select.terms import posterior_amplitude
-from truearc.sim.infer.launcher import LauncherFit, improbable, stopped
+from truearc.sim.infer.fit_report import say_tracker_errors
+from truearc.sim.infer.intervals import NumberChange, tracker_errors
+from truearc.sim.infer.launcher import LauncherFit, improbable, odd_places, stopped
 from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.data import Intake, number_columns
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error
@@ -36,7 +39,7 @@ def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm
            among: Catalogue | None = None) -> FindingRecord:
     """The finding of data that carry no test."""
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0},
-                             dataset.accepted, untested(dataset))
+                             dataset.accepted, untested(dataset), notes=dataset.notes())
     nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
     return FindingRecord(data, parts.Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
                    wording.say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
@@ -69,23 +72,13 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
                 if not name.startswith("scatter.")}                      # scatters take what is missing
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
                              {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, lacks, topspin,
-                             at_limit | stopped(best, among), doubted)
+                             at_limit | stopped(best, among), doubted, dataset.notes())
     results = _results(fitted.scores, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)
-    tracker, said, to_check = _tracker(fitted, search)
     if not steps:
-        where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
-        threshold = judged.threshold(battery.TERMS, false_alarm)
-        blind = blind_terms(fitted.scores, threshold, among) if np.isfinite(threshold) else []
-        steps_to_see = measure_blind(blind, intake.samples is not None)
-        sentence = (wording.say_none(terms, judged.p_any, data.shots, false_alarm, among)
-                    + wording.say_limits(data.at_limit) + say_improbable(data.improbable) + said
-                    + wording.say_scatter(times_off(fitted))
-                    + wording.say_blind(blind, steps_to_see, among)
-                    + wording.say_smallest(fitted.scores, threshold, among))
-        return FindingRecord(data, mismatch, where, "none", sentence, None, fit,
-                             next=(*to_check, *steps_to_see), tracker=tracker)
+        return _nothing(data, mismatch, fit, fitted, judged, search)
+    tracker, said, to_check = _tracker(fitted, search)
     first = steps[0]
     where = _where(first, judged, search, first.naming.probability)
     leading, *rest = map(_further, (first, *steps[1:]))
@@ -99,7 +92,42 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
                          also=tuple(rest), unexplained=first.unexplained, tracker=tracker)
 
 
-def _tracker(fitted: LauncherFit, search: Search) -> tuple[FoundEffect | UnsetType, str, tuple[dict[str, Any], ...]]:
+def _nothing(data: parts.DataSummary, mismatch: parts.Mismatch, fit: FitSummary, fitted: LauncherFit, judged: Judged,
+             search: Search) -> FindingRecord:
+    """The finding of shots that show no effect: what could not have been seen, and errors of the tracker if any."""
+    among, believed = fitted.model.catalogue, fitted.scores.shared_only()
+    threshold = judged.threshold(battery.TERMS, search.false_alarm)
+    sight = sight_of(fitted.scores, "", (), threshold)
+    blind = blind_terms(sight) if np.isfinite(threshold) else []
+    errors = tracker_errors(believed, among) if search.home is None else ()
+    opening = opening_of(errors, sight, blind)
+    tracker, said, to_check = _wrong_tracker(errors, among) if errors else _tracker(fitted, search)
+    to_see = measure_blind(blind, fitted.model.data.samples is not None, among)
+    odd = {name: remark for name, remark in odd_places(believed, among).items() if name not in data.improbable}
+    none = wording.say_none(data.believed, judged.p_any, data.shots, search.false_alarm, among, opening)
+    unseen = wording.say_blind(blind, to_see, among, f"Nothing found; these {data.shots} shots" * (opening == "blind"))
+    doubts = (wording.say_limits(data.at_limit) + say_improbable(data.improbable) + wording.say_odd(odd.values())
+              + wording.say_scatter(times_off(fitted)))
+    ordered = {"tracker": (said, none, doubts, unseen), "blind": (unseen, none, doubts, said),
+               "none": (none, doubts, said, unseen)}[opening]
+    where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
+    return FindingRecord(data, mismatch, where, "none", "".join([*ordered, wording.say_smallest(sight, among)]).strip(),
+                         None, fit, next=(*to_check, *to_see), tracker=tracker)
+
+
+TrackerFinding = tuple[FoundEffect | UnsetType, str, tuple[dict[str, Any], ...]]
+
+
+def _wrong_tracker(errors: Sequence[Sequence[NumberChange]], among: Catalogue) -> TrackerFinding:
+    """As _tracker, of errors that these tracks show by themselves."""
+    what = tuple(_changed(one, among) for found in errors for one in found)
+    names = tuple(dict.fromkeys(one.term for one in what))
+    said = "".join(f" {line[:1].upper()}{line[1:]}." for line in say_tracker_errors(errors, among))
+    return (FoundEffect(what, None if all(len(found) == 1 for found in errors) else names, None),
+            f"{said} An effect that no term here explains may look like that.", measure_terms(among.find(names)))
+
+
+def _tracker(fitted: LauncherFit, search: Search) -> TrackerFinding:
     """(change of the tracker's calibration since home and what it may be instead, in a sentence, what to measure)."""
     among = fitted.model.catalogue
     moved = None if search.home is None else compare_trackers(fitted, search.home.fitted, search.false_alarm)

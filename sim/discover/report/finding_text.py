@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -13,10 +13,9 @@ from truearc.sim.discover.decide import form_of, gain_interval
 from truearc.sim.discover.detect.covariates import STEP, Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Interval, Named, Unknown, Where
-from truearc.sim.discover.identifiability import sight_of
-from truearc.sim.infer.likelihood.score_table import ScoreTable
+from truearc.sim.discover.identifiability import Sight, TermIdentifiability
 from truearc.sim.physics.catalogue import Catalogue, Nameless, as_catalogue
-from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Phrase, Term
+from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Phrase
 from truearc.sim.printed import left_out_lines
 
 MOST_PLACES = 5                       # after the point; beyond, exponents
@@ -37,6 +36,12 @@ def say_improbable(numbers: Mapping[str, float]) -> str:
     tracker = all(name.startswith("track_") for name in numbers)
     what = f"{'the tracker may be as wrong as that, or ' * tracker}an effect may be there that they cannot tell from it"
     return f" But the fit has {found}, believed all but impossible before these shots: {what}."
+
+
+def say_odd(remarks: Iterable[str]) -> str:
+    """Say which fitted numbers lie where physics seldom has them; empty without any."""
+    listed = "; ".join(remarks)
+    return f" The fit is at an odd place: {listed}." if listed else ""
 
 
 def plain(name: str, among: Catalogue | None = None) -> str:
@@ -312,13 +317,17 @@ def _looks(unknown: Unknown, place: Place) -> str:
     return f"{seen} as {name} grows, by {size} over its range"
 
 
+OPENINGS = {"none": "No mismatch: {} shots differ", "tracker": " Beside that no mismatch: {} shots differ",
+            "blind": " They differ"}
+
+
 def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false_alarm: float,
-             among: Catalogue | None = None) -> str:
-    """No mismatch, or nothing to see one by."""
+             among: Catalogue | None = None, opening: str = "none") -> str:
+    """No mismatch, or nothing to see one by; opening: what the sentence begins with (`opening_of`)."""
     if p_value is None:
         return (f"These {shots} shots cannot say anything about the simulation: too few of them have a track, or an "
                 "outcome or height, with distance and launch, that would tell.")
-    return (f"No mismatch: {shots} shots differ from the simulation ({_list(believed, among)}) by no more than "
+    return (f"{OPENINGS[opening].format(shots)} from the simulation ({_list(believed, among)}) by no more than "
             f"chance. If nothing were missing, {say_chance(p_value)} (p = {p_value:.2g}, alarm at {false_alarm:g}).")
 
 
@@ -330,21 +339,32 @@ def say_scatter(off: float | None) -> str:
             "exact than stated, or something is missing that so few shots cannot show.")
 
 
-def say_blind(blind: Sequence[Term], steps: Sequence[Mapping[str, Any]], among: Catalogue | None = None) -> str:
-    """Return what could not have been seen, and what would show it; empty where everything could."""
+def say_blind(blind: Sequence[TermIdentifiability], steps: Sequence[Mapping[str, Any]],
+              among: Catalogue | None = None, opens: str = "") -> str:
+    """Return what could not have been seen, and what would show it; empty where everything could. opens: what the
+    sentence begins with where it is the first."""
     if not blind:
         return ""
-    told = [plain(term.name, among) for term in blind]
-    rest = f" and {len(told) - SHOWN} others" if len(told) > SHOWN else ""
+    rest = f" and {len(blind) - SHOWN} others" if len(blind) > SHOWN else ""
     shown = ", ".join(f"measure {step['what']}" for step in steps)
-    return (f" Of their usual size these shots could not have shown: {', '.join(told[:SHOWN])}{rest}."
-            + (f" To see the first of them: {shown}." if shown else ""))
+    listed = ", ".join(_unseen(one, among) for one in blind[:SHOWN])
+    best = f"; best next: {shown}" if shown else ""
+    return f"{opens or ' These shots'} could not have shown {listed}{rest}{best}."
 
 
-def say_smallest(evidence: ScoreTable, threshold: float, among: Catalogue | None = None) -> str:
+def _unseen(one: TermIdentifiability, among: Catalogue | None) -> str:
+    """A term with the size below which it would have been missed more than one time in five."""
+    if one.smallest is None:
+        return f"{plain(one.term, among)} of any size"
+    phrase = phrase_of(one.term, among)
+    less = "slower than" if phrase is not None and phrase.rate else "below"      # a rate is told as its time constant
+    return f"{plain(one.term, among)} {less} {size_of(one.term, one.smallest, one.unit, among)}"
+
+
+def say_smallest(sight: Sight, among: Catalogue | None = None) -> str:
     """The smallest effects that would have been seen four times in five among all that was asked, of the terms that
-    these data see best for their usual size. threshold: the |score| that a term needs, in standard deviations."""
-    terms = [one for one in sight_of(evidence, "", (), threshold).terms if one.smallest is not None]
+    these data see best for their usual size."""
+    terms = [one for one in sight.terms if one.smallest is not None]
     if not terms:
         return " Of no term could a test of these data have shown anything."
     parts = [f"{plain(one.term, among)} of {size_of(one.term, one.smallest or 0.0, one.unit, among)}"
@@ -382,6 +402,7 @@ def console_lines(finding: FindingRecord, among: Catalogue | None = None) -> lis
     if found := found_names(finding):
         lines.append(f"next: believe that and look again: --believe {','.join((*data.believed, *found))}")
     lines += [f"warning: {line}" for line in data.accepted]
+    lines += [f"note: {line}" for line in data.notes]
     lines += [f"not tested: {line}" for line in data.untested]
     return lines + left_out_lines(data.left_out)
 

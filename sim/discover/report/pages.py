@@ -345,7 +345,7 @@ def _summary(finding: FindingRecord, among: Catalogue) -> str:
         lines.append(f"{_capital(wording.say_inseparable(where))}.")
     if finding.next:
         lines.append(f"Next: {wording.say_step(finding.next[0], among)}.")
-    lines += [f"Not tested: {line}." for line in data.untested]
+    lines += [f"Note: {line}." for line in data.notes] + [f"Not tested: {line}." for line in data.untested]
     if data.left_out:
         lines.append(f"Left out: {'; '.join(data.left_out)}.")
     return _listed("ul", lines)

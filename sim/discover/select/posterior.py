@@ -1,12 +1,12 @@
-"""The posterior over the hypotheses for a mismatch: one term, two terms, an unexplained change, or a term with one.
+"""The posterior over the hypotheses for a mismatch: one term, two terms, an unexplained change, or a term and a change.
 
-Each hypothesis has a prior probability and a log evidence. The evidence of single terms comes from true refits of the
-likely ones (name_terms), that of additions to a likely term from the table linearised at that term's refit, and that of
-an unexplained change from the table of the fit, averaged over its size and smoothness. True refits replace the values
-of important pairs and unexplained changes.
+Each hypothesis has a prior probability and a log evidence. The evidence of the likely single terms comes from true
+refits (name_terms). Additions to a likely term use the table linearised at its refit. An unexplained change uses the
+table of the fit, averaged over its size and smoothness. True refits replace the values of important pairs and
+unexplained changes.
 
 A hypothesis adds parts to the shared numbers. A part is one column of the table multiplied by shapes over the shots,
-whose coefficients are normal a priori: a single shape of ones is a term or a constant push; shapes of a Gaussian
+with normal priors on their coefficients. A single shape of ones is a term or a constant push; shapes of a Gaussian
 process over a covariate are an unexplained change that depends on it.
 
 Scores at the fit overestimate the gain of a large change. A name's evidence therefore comes from a true refit, and so
@@ -53,7 +53,7 @@ class Part:
 
 
 def with_parts(evidence: ScoreTable, parts: Sequence[Part]) -> ScoreTable:
-    """The table of the parts' coefficients and the shared numbers alone, all shared."""
+    """Return the table of the parts' coefficients and the shared numbers alone, all shared."""
     first, count = evidence.first_shared, len(evidence.rows)
     rest = np.arange(first, evidence.linear.shape[1])
     own = np.concatenate([*(np.full(part.shapes.shape[1], part.column) for part in parts), rest]).astype(int)
@@ -80,8 +80,8 @@ def _plane(plane: PlaneScores | None, own: Int[Array, " c"], times: Float[Array,
 
 
 def log_evidence(table: ScoreTable) -> tuple[float, Float[Array, " P"], Float[Array, " P"]]:
-    """(nats of a table whose columns are all shared, up to what all tables of one scaffold share; the likeliest
-    change [P]; its standard deviations [P])."""
+    """Return (log evidence in nats of a table whose columns are all shared, up to a constant of the scaffold; the
+    likeliest change [P]; its standard deviations [P])."""
     rows = np.ones(len(table.rows), dtype=bool)
     top = fit_linear(table, rows)
     change = np.tile(top, (len(rows), 1))
@@ -93,8 +93,8 @@ def log_evidence(table: ScoreTable) -> tuple[float, Float[Array, " P"], Float[Ar
 
 def process_shapes(values: Float[Array, " n"], length: float,
                    at: Float[Array, " m"] | None = None) -> Float[Array, "m q"]:
-    """Shapes of a Gaussian process of variance 1 over values in EDGES (0 where unknown), less their mean; the same
-    `at` other values, if given."""
+    """Return shapes of a Gaussian process of variance 1 over values in EDGES (0 where unknown), minus their mean; also
+    at other values `at`, if given."""
     known = np.isfinite(values)
     low, high = np.percentile(values[known], EDGES)
     knots = np.linspace(0.0, 1.0, KNOTS)
@@ -111,25 +111,27 @@ def process_shapes(values: Float[Array, " n"], length: float,
 
 
 def group_shapes(codes: Int[Array, " n"], levels: int) -> Float[Array, "n q"]:
-    """One shape a group (-1: none), less their mean."""
+    """Return one shape per group (-1: none), minus their mean."""
     shapes = (codes[:, None] == np.arange(levels)) * 1.0
     return np.asarray(np.where((codes >= 0)[:, None], shapes - shapes[codes >= 0].mean(0), 0.0))
 
 
 @dataclass(frozen=True)
 class Projected:
-    """Score [q] and information [q, q] of a column's shapes with what the shared numbers explain taken out."""
+    """Score [q] and information [q, q] of a column's shapes, with what the shared numbers explain projected out."""
 
     score: Float[Array, " q"]
     info: Float[Array, "q q"]
 
     def nats(self, sd: float) -> float:
-        """Log evidence of normal coefficients of this deviation against none, in closed form."""
+        """Return the log evidence of normal coefficients of this deviation against none, in closed form."""
         return _gained(self.score, self.info, sd**2 * np.eye(len(self.score)))
 
     def nats_since(self, home: "Projected", sd: float) -> float:
-        """Log evidence that the coefficients have changed since an earlier session by this deviation; what they were
-        there, known by its scores and as large before these, may be here, too."""
+        """Return the log evidence of a change of the coefficients since an earlier session, by this deviation.
+
+        The coefficients there, known from its scores and as large a priori as in `nats`, may also be present here.
+        """
         covariance = np.linalg.inv(home.info + sd**-2.0 * np.eye(len(self.score)))
         left = self.score - self.info @ covariance @ home.score
         changed = covariance + sd**2 * np.eye(len(self.score))
@@ -143,7 +145,7 @@ def _gained(score: Float[Array, " q"], info: Float[Array, "q q"], covariance: Fl
 
 
 class Projector:
-    """Projects a table's columns, the shared ones' information inverted once."""
+    """Projects a table's columns; the shared columns' information is inverted once."""
 
     def __init__(self, evidence: ScoreTable) -> None:
         self._evidence = evidence
@@ -152,7 +154,7 @@ class Projector:
         self._score = evidence.score[:, shared].sum(0) + evidence.pull
 
     def of(self, column: int, shapes: Float[Array, "n q"]) -> Projected:
-        """Of a column times shapes."""
+        """Project a column times shapes."""
         evidence = self._evidence
         own = evidence.own_score[:, column]
         cross = shapes.T @ evidence.deal.spread(evidence.info[:, column])[:, evidence.shared]
@@ -169,8 +171,8 @@ LONGEST_S = 60.0                      # longer than any flight
 
 
 def term_of(column: Column, layout: Layout) -> tuple[str, dict[str, float]] | None:
-    """The nameless term, with its numbers, that changes what the column does; None where there is none, or where the
-    layout has it already."""
+    """Return the nameless term, with its numbers, that changes what the column does; None if there is none, or the
+    layout already has it."""
     if column.name in FREE_TERMS:
         name, values = FREE_TERMS[column.name]
         values = dict(values)
@@ -203,8 +205,8 @@ def climb_with(fitted: LauncherFit, term: str, values: dict[str, float], curve: 
 
 
 def nats_flown(fitted: LauncherFit, part: Part) -> float | None:
-    """Log evidence of a part against none, where the simulation that has it fits best (Laplace); None for what no
-    simulation of single shots can hold."""
+    """Return the log evidence of a part against none, at the best fit of a simulation with it (Laplace); None if no
+    simulation of single shots can represent it."""
     taken = term_of(fitted.scores.columns[part.column], fitted.model.layout)
     shapes = part.shapes.shape[1]
     if taken is None or shapes > KNOTS:
@@ -246,7 +248,7 @@ class Family:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Terms by the names of their columns, and an unexplained change or None."""
+    """Terms by their column names, and an unexplained change or None."""
 
     names: tuple[str, ...]
     family: Family | None
@@ -263,11 +265,14 @@ class Hypotheses:
     pairs: dict[tuple[str, str], LauncherFit]
 
     def unexplained(self) -> float:
-        """Of an unexplained change, alone or beside a term."""
+        """Probability of an unexplained change, alone or beside a term."""
         return self.share("unexplained") + self.share("both")
 
     def inclusion(self, beside: bool = False) -> dict[str, float]:
-        """Of each name among what is missing, with nothing unexplained or even `beside` that; likeliest first."""
+        """Return the probability of each name among what is missing, likeliest first.
+
+        Only hypotheses without an unexplained change count or, with `beside`, also those with one.
+        """
         found: dict[str, float] = {}
         for one, p in zip(self.hypotheses, self.probability, strict=True):
             for name in one.names if beside or kind_of(one) != "both" else ():
@@ -275,12 +280,12 @@ class Hypotheses:
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
     def held_by(self, names: Collection[str], beside: bool = False) -> float:
-        """Probability that one of these is among what is missing; `beside` as above."""
+        """Return the probability that one of these is among what is missing; `beside` as above."""
         return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True)
                          if (beside or kind_of(one) != "both") and any(name in names for name in one.names)))
 
     def likeliest_pair(self) -> LauncherFit | None:
-        """Of those that were refitted."""
+        """The likeliest of the pairs that were refitted."""
         pairs = {one.names: p for one, p in zip(self.hypotheses, self.probability, strict=True)
                  if one.names in self.pairs and one.family is None}
         return self.pairs[max(pairs, key=lambda names: pairs[names])] if pairs else None
@@ -292,12 +297,12 @@ class Hypotheses:
         return self.hypotheses[max(able, key=lambda k: able[k])] if able else None
 
     def share(self, kind: str) -> float:
-        """Of the hypotheses of one kind of SHARES."""
+        """Return the share of the hypotheses of one kind of SHARES."""
         return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True) if kind_of(one) == kind))
 
 
 def kind_of(one: Hypothesis) -> str:
-    """Of SHARES; "varies": the size of the term itself differs from ball to ball."""
+    """Return the kind of SHARES; "varies": the size of the term itself differs from ball to ball."""
     if one.family is None:
         return "one" if len(one.names) == 1 else "two"
     return "unexplained" if not one.names else "varies" if one.family.column in one.names else "both"
@@ -305,8 +310,8 @@ def kind_of(one: Hypothesis) -> str:
 
 def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covariate], factors: Sequence[Factor],
           home: ReferenceSession | None = None) -> Hypotheses:
-    """The posterior over what is missing in `fitted`, whose single terms `naming` has ranked; or over what has changed
-    since `home`, whose own misfit an unexplained change must exceed."""
+    """Compute the posterior over what is missing in `fitted`, whose single terms `naming` has ranked; or over what has
+    changed since `home`, whose own misfit an unexplained change must exceed."""
     visible = [c for c in naming.candidates if c.visible]
     singles = {name: nats + range_nats(fitted, naming, name) for name, nats in naming.nats.items()
                if nats > terms.NEVER}
@@ -432,13 +437,13 @@ def _refitted(fitted: LauncherFit, guesses: Guesses, least: float) -> dict[tuple
 
 
 def nats_known(fitted: LauncherFit, name: str, amplitude: float, sd: float, usual: float) -> float:
-    """Nats for an amplitude beside the shots: its range, and what was measured of it."""
+    """Return nats for an amplitude from other knowledge than the shots: its range, and its measurement."""
     return (terms.nats_in_range(fitted, name, amplitude, sd, usual)
             + terms.nats_measured(fitted.model.layout.measured, name, amplitude, sd))
 
 
 def range_nats(fitted: LauncherFit, naming: terms.Naming, name: str) -> float:
-    """For the prior of a refitted name's amplitude being cut where the parameter's range ends."""
+    """Return nats for truncating the prior of a refitted name's amplitude at the parameter's range."""
     found = naming.refits.get(name)
     if found is None:
         return 0.0
@@ -448,7 +453,7 @@ def range_nats(fitted: LauncherFit, naming: terms.Naming, name: str) -> float:
 
 def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor],
                 home: ReferenceSession | None = None) -> list[Family]:
-    """Every unexplained change that the table can show, by closed form; likeliest first."""
+    """Return every unexplained change that the table can show, in closed form; likeliest first."""
     rows, projector, ones = evidence.rows, Projector(evidence), np.ones((len(evidence.rows), 1))
     earlier = None if home is None else Projector(home.fitted.scores)
     shapes: list[tuple[Covariate | Factor, list[Shapes]]] = [

@@ -50,7 +50,8 @@ FORECAST = 0.4                        # of a track's samples: from these its end
 
 
 def end_errors(fit: LauncherFit, change: Float[Array, "n P"]) -> float | None:
-    """RMS error in m of forecast heights, columns changed by `change` [n, P]; None where no height was measured.
+    """Return the RMS error in m of forecast heights, with columns changed by `change` [n, P]; None if no height was
+    measured.
 
     With tracks: at each one's last sample, the shot's own deviation taken from its first FORECAST of samples. Without:
     heights measured at the plane against those of the scores.
@@ -66,12 +67,13 @@ def end_errors(fit: LauncherFit, change: Float[Array, "n P"]) -> float | None:
 
 
 def side_errors(fit: LauncherFit, change: Float[Array, "n P"]) -> float:
-    """RMS error in m of y at each track's last sample, forecast as the height is by end_errors."""
+    """Return the RMS error in m of y at each track's last sample, forecast as the height is by end_errors."""
     return float(np.sqrt(np.mean(track_errors(fit, change)[:, 1]**2)))
 
 
 def times_off(fit: LauncherFit) -> float | None:
-    """RMS of what times at heights differ from the simulation by, in their own standard deviations; None without."""
+    """Return the RMS difference of times at heights from the simulation, in their standard deviations; None without
+    times."""
     samples, rows = fit.model.data.samples, fit.model.data.tracked
     if samples is None or samples.clock_s is None:
         return None
@@ -82,8 +84,8 @@ def times_off(fit: LauncherFit) -> float | None:
 
 
 def track_errors(fit: LauncherFit, change: Float[Array, "n P"], share: float = FORECAST) -> Float[Array, "k 3"]:
-    """[k, 3] in m: each track's last sample less its forecast from the first `share` of its samples; 0: from the
-    settings alone."""
+    """Return [k, 3] in m: each track's last sample minus its forecast from the first `share` of its samples; 0: from
+    the settings alone."""
     data, point = fit.model.data, fit.point
     samples, rows, scatter = data.samples, data.tracked, data.scatter
     assert samples is not None and scatter is not None
@@ -114,7 +116,7 @@ FEWEST = 20                           # outcomes by which forecasts are compared
 @dataclass(frozen=True, eq=False)
 class HoldOut:
     """Forecasts of the heights of m shots by fits to the other folds, from the settings alone: mean and standard
-    deviation [m] in m, from the target's centre as believed."""
+    deviation [m] in m, from the believed target's centre."""
 
     mean_m: Float[np.ndarray, " m"]
     sd_m: Float[np.ndarray, " m"]
@@ -122,16 +124,16 @@ class HoldOut:
 
 @dataclass(frozen=True, eq=False)
 class ShotPoints:
-    """Of m shots [m], by one belief: expected points of the aimed ball, whether its gate lets it through; whether the
-    gate lets the shot through as it was made."""
+    """Points of m shots [m], under one belief: expected points of the aimed ball, whether its gate passes it, and
+    whether the gate passes the shot as made."""
 
     aimed: Float[np.ndarray, " m"]
     aimed_fires: Bool[np.ndarray, " m"]
     fires: Bool[np.ndarray, " m"]
 
     def worth(self, held: float) -> Float[np.ndarray, " m"]:
-        """Points [m] of aim and gate together: of the shot aimed, if its gate fires it. held: worth of a ball that is
-        kept."""
+        """Return points [m] of aim and gate together: of the aimed shot if its gate passes it, else `held`, the value
+        of a kept ball."""
         return np.where(self.aimed_fires, self.aimed, held)
 
 
@@ -168,7 +170,8 @@ def _hold_out(model: LauncherFit) -> HoldOut:
 
 
 def as_believed(model: LauncherFit) -> HoldOut:
-    """Forecasts by what was believed before these shots, where the model is linearised; nothing is fitted to them."""
+    """Return forecasts by the belief before these shots, at the model's linearization point; nothing is fitted to
+    them."""
     plane = _from_settings(model)
     return HoldOut(plane.mean_m, np.sqrt(plane.spread_m**2 + _doubt(model, plane, 0.0)))
 
@@ -193,7 +196,7 @@ def _from_settings(model: LauncherFit) -> PlaneScores:
 
 
 def points_of(seen: OutcomeObservations, mine: HoldOut, both: Sequence[HoldOut], threshold: float) -> ShotPoints:
-    """Points by the belief with the forecasts `mine`; both: those of all beliefs that are compared."""
+    """Return points under the belief with the forecasts `mine`; both: forecasts of all compared beliefs."""
     two, three = float(seen.borders[4]), float(seen.borders[3])
     least = three if three > 0.0 else two                # of a hit-or-miss target a hit counts two
     aimed, off_m = np.zeros(len(mine.mean_m)), np.abs(seen.height_m - mine.mean_m)
@@ -210,8 +213,8 @@ def points_of(seen: OutcomeObservations, mine: HoldOut, both: Sequence[HoldOut],
 
 
 def shares_beaten(seen: OutcomeObservations, mine: HoldOut) -> float | None:
-    """Standard errors by which outcomes' log score by the forecasts is above that by the plain shares of miss, two and
-    three; None where fewer than FEWEST outcomes are known without their height, or all are alike."""
+    """Return by how many standard errors the forecasts' log score of outcomes exceeds that of the observed proportions
+    of miss, two and three; None if fewer than FEWEST outcomes are known without their height, or all are equal."""
     known = np.isfinite(seen.classes) & ~seen.measured
     level, count = np.unique(seen.classes[known], return_counts=True)
     if known.sum() < FEWEST or len(level) < 2:
@@ -222,7 +225,7 @@ def shares_beaten(seen: OutcomeObservations, mine: HoldOut) -> float | None:
 
 
 def scored_points(seen: OutcomeObservations) -> Float[np.ndarray, " m"]:
-    """Points [m] that shots did score; of a measured height those of its class."""
+    """Return the points [m] that shots scored; for a measured height, those of its class."""
     two, three = seen.borders[4], seen.borders[3]
     off_m = np.abs(seen.height_m)
     level = np.where(np.isfinite(seen.classes), seen.classes, np.where(off_m <= three, 2.0, np.where(off_m <= two, 1.0,
@@ -260,7 +263,7 @@ class Mixed:
 
 
 def mixed(step: Step) -> Mixed | None:
-    """None where one name stands alone, and where no heights are forecast."""
+    """Return the average; None if one name stands alone, or no heights are forecast."""
     naming = step.naming
     if naming.probability[naming.leader] >= SURE or step.fitted.scores.plane is None:
         return None
@@ -435,7 +438,7 @@ def _foreseeable(fitted: LauncherFit, correction: Correction, search: Search) ->
 
 
 def freed(fitted: LauncherFit, correction: Correction) -> Freed | None:
-    """None for what cannot be taken."""
+    """Return the curve; None for what cannot be adopted."""
     column = fitted.scores.columns[correction.test.column]
     taken, curve = term_of(column, fitted.model.layout), _curve(correction)
     if taken is None or curve is None:

@@ -1,10 +1,9 @@
 """Ranks candidate terms: one step for all, true refits of the likely ones, and measurements of their amplitudes.
 
-Every term competes with a normal prior on its amplitude, of the usual size of such effects. A term that would have to
-be absurdly large to explain the data thus loses to a smaller one, and a term cannot win beyond its permitted range.
+Every term has a normal prior on its amplitude, scaled to the usual size of such effects. A term that would have to be
+absurdly large to explain the data thus loses to a smaller one, and a term cannot win beyond its permitted range.
 
-The evidence of a term is computed with a normal prior of its usual size. Its own prior has several sizes and is zero
-outside its range.
+A term's evidence is computed with that normal prior. Its own prior mixes several sizes and is zero outside its range.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,8 +30,11 @@ TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # of a term's amplitude, by the usual one
 
 
 def nats_measured(measured: Measured, column: str, amplitude: float, sd: float) -> float:
-    """Log likelihood ratio of what was measured of this column: of an amplitude ~ N(amplitude, sd^2), to nothing of the
-    kind. 0 where nothing was measured."""
+    """Return the log likelihood ratio of this column's measurement: an amplitude ~ N(amplitude, sd^2) against no
+    effect.
+
+    0 without a measurement.
+    """
     if column not in measured:
         return 0.0
     value, own = measured[column]
@@ -41,8 +43,8 @@ def nats_measured(measured: Measured, column: str, amplitude: float, sd: float) 
 
 
 def nats_in_range(fitted: LauncherFit, name: str, amplitude: float, sd: float, usual: float) -> float:
-    """Nats by which the amplitude's own prior differs from the normal one that its evidence was worked out with: the
-    range of its parameter, the side that nature prefers, the size that a law of physics gives it."""
+    """Return nats by which the amplitude's own prior differs from the normal one used for its evidence: the parameter's
+    range, the sign that nature prefers, and the size that a law of physics gives."""
     ends = _ends(fitted, name)
     if ndtr((ends[1] - amplitude) / sd) - ndtr((ends[0] - amplitude) / sd) < 1e-12:
         own = ndtr(ends[1] / usual) - ndtr(ends[0] / usual)
@@ -53,8 +55,10 @@ def nats_in_range(fitted: LauncherFit, name: str, amplitude: float, sd: float, u
 
 def posterior_amplitude(fitted: LauncherFit, name: str, amplitude: float,
                         sd: float) -> tuple[float, float, float, float]:
-    """Mean, standard deviation and ends of the 90 % interval of an amplitude, by its own prior in place of the normal
-    one of the usual size that `amplitude` and `sd` were worked out with."""
+    """Return mean, standard deviation and ends of the 90 % interval of an amplitude, under its own prior.
+
+    `amplitude` and `sd` were computed with the normal prior of the usual size, which it replaces.
+    """
     usual = fitted.scores.columns[fitted.scores.index(name)].usual
     ends = _ends(fitted, name)
     if not ends[0] < amplitude < ends[1] or sd >= usual:
@@ -68,7 +72,8 @@ def posterior_amplitude(fitted: LauncherFit, name: str, amplitude: float,
 
 
 def own_size(fitted: LauncherFit, found: LauncherFit, number: int) -> float:
-    """The size of a normal prior by which the likeliest amplitude of one name is the mean by its own prior."""
+    """Return the size of a normal prior for which the most probable amplitude of a name is the mean under its own
+    prior."""
     name, amplitude, evidence = found.names[number], float(found.amplitude[number]), found.scores
     usual = fitted.scores.columns[fitted.scores.index(name)].usual
     information = 1.0 / evidence.covariance[number, number]
@@ -117,7 +122,7 @@ def _own_prior(term: Term, places: Float[Array, " k"], ends: tuple[float, float]
 
 def by_own_prior(fitted: LauncherFit, found: LauncherFit,
                  beside: Sequence[tuple[LauncherFit, LauncherFit]] = ()) -> LauncherFit:
-    """The refit with normal priors of own_size. beside: refits of terms that `fitted` has already."""
+    """Return the refit with normal priors of own_size. beside: refits of terms that `fitted` has already."""
     sizes = {name: own_size(one, its, number) for one, its in ((fitted, found), *beside)
              for number, name in enumerate(its.names)}
     model, layout, first = fitted.model, fitted.model.layout, fitted.model.layout.first_shared
@@ -181,7 +186,7 @@ class Naming:
 
     @cached_property
     def probability(self) -> dict[str, float]:
-        """Of each name, likeliest first."""
+        """Return the probability of each name, likeliest first."""
         top = max(self.nats.values())
         weight = {name: float(np.exp(value - top)) for name, value in self.nats.items()}
         total = sum(weight.values())
@@ -192,7 +197,7 @@ class Naming:
 
     @property
     def ranked(self) -> list[str]:
-        """Names that may lead or be in a set, likeliest first."""
+        """Return names that may lead or be in a set, likeliest first."""
         if self.inclusion is None:
             return sorted(self.nats, key=lambda name: -self.nats[name])
         return sorted(self.refits, key=lambda name: -self.probability[name])
@@ -203,7 +208,7 @@ class Naming:
 
     @property
     def aliases(self) -> tuple[str, ...]:
-        """Of the leader, whatever their probability."""
+        """Return the aliases of the leader, whatever their probability."""
         return self.alike if self.leader == max(self.nats, key=lambda name: self.nats[name]) else ()
 
 
@@ -212,7 +217,7 @@ def _likeliest_first(probability: Mapping[str, float]) -> dict[str, float]:
 
 
 def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Float[Array, "K K"]]:
-    """(every term after one step, correlations of their efficient slopes [K, K])."""
+    """Return (every term after one step, correlations of their efficient slopes [K, K])."""
     columns = [k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"]
     score, left = efficient(evidence, np.array(columns, dtype=int))
     total = evidence.information
@@ -231,7 +236,7 @@ def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Float[Array, 
 
 
 def nats_for(score: Any, information: float, usual: float) -> Any:
-    """Log Bayes factor of an amplitude ~ N(0, usual^2) against none, for a Gaussian score or several."""
+    """Return the log Bayes factor of an amplitude ~ N(0, usual^2) against none, for a Gaussian score or several."""
     if information <= 0.0:
         return np.zeros_like(score) if np.ndim(score) else 0.0
     size = information * usual**2
@@ -336,7 +341,7 @@ def is_possible(found: LauncherFit, *usual: float) -> bool:
 
 
 def tame(candidate: Candidate, evidence: ScoreTable) -> float:
-    """The one-step amplitude, drawn towards zero as its prior would, and no larger than three usual ones, the largest
+    """Return the one-step amplitude, shrunk towards zero by its prior, and no larger than three usual ones, the largest
     that SCAN flies."""
     usual = evidence.columns[candidate.column].usual
     shrunk = candidate.amplitude * candidate.information / (candidate.information + usual**-2.0)
@@ -345,9 +350,9 @@ def tame(candidate: Candidate, evidence: ScoreTable) -> float:
 
 def efficient(evidence: ScoreTable, columns: Int[Array, " K"],
               more: Float[Array, "P P"] | float = 0.0) -> tuple[Float[Array, " K"], Float[Array, "K K"]]:
-    """(scores [K], information [K, K]) of columns with what the shared ones could explain projected out.
+    """Return (scores [K], information [K, K]) of columns with what the shared ones could explain projected out.
 
-    more [P, P]: information of shots to come, added to that of the evidence; scores are those there are.
+    more [P, P]: information of future shots, added to that of the evidence; scores are the present ones.
     """
     shared = evidence.shared
     info, score = evidence.information + more, evidence.score.sum(0)

@@ -27,15 +27,15 @@ Which = Bool[np.ndarray, " n"]
 
 
 def say_few(count: int) -> str:
-    """Say what so few shots cannot tell."""
+    """Report what so few shots cannot show."""
     few = "1 shot is" if count == 1 else f"{count} shots are"
     return f"{few} too few to judge a simulation by; {FEWEST_SHOTS} at least"
 
 
 def say_left_out(rig: Rig, shots: Shots, use: Which, marked: Which, tracked: Which) -> tuple[str, ...]:
-    """A line for each reason why a shot, or its outcome, is not used.
+    """Return a line for each reason why a shot, or its outcome, is not used.
 
-    use: any of it is. marked: it has an outcome, side or height that tells how high it was. tracked: it has a track.
+    use: the shot is used. marked: it has an outcome, side or height that shows its height. tracked: it has a track.
     """
     sped = has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
     aimed = np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))
@@ -68,12 +68,12 @@ Each = Float[np.ndarray, " n"]        # a number of each shot
 
 
 def every_column(dataset: Dataset) -> dict[str, Any]:
-    """All that is known of each shot by name: numbers [n], and texts."""
+    """Return everything known of each shot by name: numbers [n], and texts."""
     return {**{name: dataset.shots.text(name) for name in dataset.shots.texts}, **number_columns(dataset)}
 
 
 def number_columns(dataset: Dataset) -> dict[str, Each]:
-    """Every number a shot, by name: as recorded, and derived."""
+    """Return every number of a shot, by name: recorded and derived."""
     columns = {"t_s": dataset.shots.number("t_s"), **dataset.shots.numbers}
     derived = launch_state(dataset.facts, dataset.shots), *(
         derive(dataset) for derive in (_time_columns, _circumstance_columns, _trace_columns))
@@ -162,12 +162,13 @@ class Given(NamedTuple):
 
     @property
     def whose(self) -> Exit:
-        """Which parts of the launch are the robot's own, as truearc.sim.physics.simulate wants it."""
+        """Return which parts of the launch come from the robot, as truearc.sim.physics.simulate expects."""
         return Exit(self.rolled, self.hooded, self.spun, True)
 
 
 def given_of(rig: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) -> Given:
-    """Launches of shots with wheel speeds (or motor_ratio) and hood_deg; InputError names shots that lack one.
+    """Return launches of shots with wheel speeds (or motor_ratio) and hood_deg; InputError names shots that lack
+    one.
 
     Measured exit columns take precedence as in truearc.sim.physics.simulate.launch_of, with the uncertainty above.
     circumstances: of these shots.
@@ -232,12 +233,12 @@ class Intake:
 
     @property
     def filmed(self) -> bool:
-        """Whether there are tracks: frame by frame, not the times at a few heights."""
+        """Whether there are tracks from frames, not only times at a few heights."""
         return self.samples is not None and self.samples.clock_s is None
 
     @property
     def used(self) -> dict[str, int]:
-        """{kind of evidence: shots that have it}."""
+        """Return {kind of evidence: shots that have it}."""
         measured = int(self.seen.measured.sum())
         kinds = {"outcome": len(self.marked) - measured, "miss_height_m": measured,
                  **{name: int(np.isfinite(column).sum()) for name, column in zip(
@@ -247,7 +248,7 @@ class Intake:
 
 
 def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS) -> Intake:
-    """InputError when there are fewer than `fewest` shots, or outcomes without a target.
+    """Return the informative shots; InputError if there are fewer than `fewest`, or outcomes without a target.
 
     curves: of unexplained effects that are believed.
     """
@@ -298,7 +299,7 @@ def _whole_spin(shots: Shots) -> Float[Array, "n 3"]:
 
 
 def without_noise(rig: Rig) -> Rig:
-    """Without noise, tracker and beliefs, on which no flight depends: compiled code is kept by rig."""
+    """Return the rig without noise, tracker and beliefs, on which no flight depends: compiled code is kept by rig."""
     return msgspec.structs.replace(rig, noise=Noise(), tracker=msgspec.UNSET, site=msgspec.UNSET,
                                    believe=Believe())
 
@@ -407,7 +408,7 @@ def _free_spin(part: _Part, velocity_m_s: Float[Array, "n 3"]) -> Float[Array, "
 
 
 def first_guess(samples: Samples) -> tuple[Float[Array, "k 3"], Float[Array, "k 3"]]:
-    """Position and velocity [k, 3] at the first sample from a parabola through each track."""
+    """Return position and velocity [k, 3] at the first sample, from a parabola through each track."""
     position, velocity = np.zeros((2, len(samples.rows), 3))
     for k, real in enumerate(samples.real):
         curve = np.polynomial.polynomial.polyfit(samples.time_s[k][real], samples.position_m[k][real], 2)

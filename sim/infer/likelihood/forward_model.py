@@ -72,7 +72,7 @@ class ShotBatch(NamedTuple):
     time_s: Float[Array, "*n L"]
 
     def take(self, rows: Int[np.ndarray, " k"] | slice) -> "ShotBatch":
-        """Those of the rows; numbers that all shots share stay as they are."""
+        """Return the rows' shots; numbers shared by all shots stay unchanged."""
         taken: ShotBatch = jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, self)
         return taken
 
@@ -113,14 +113,14 @@ class Chain:
 
     @property
     def deviates(self) -> int:
-        """How many of DEVIATES, from the first; without tracks nothing depends on the others."""
+        """Return how many of DEVIATES are used, from the first; without tracks nothing depends on the others."""
         if not self.track:
             return PLANE_DEVIATES
         return len(DEVIATES) if self.free else LAUNCHED_DEVIATES
 
     @property
     def pushes(self) -> int:
-        """Free accelerations: per direction throughout, in each band, and in proportion to the speed."""
+        """Return the free accelerations: per direction throughout, in each band, and in proportion to the speed."""
         return len(DIRECTIONS) * (self.bands + 2) if self.bands else len(DIRECTIONS)
 
     @property
@@ -130,7 +130,7 @@ class Chain:
 
 def see_slopes(chain: Chain, lanes: ShotBatch, point: Float[Array, " slots"], deviates: Float[Array, "n D"],
                edges_s: Float[Array, " edges"], basis: Float[Array, "size k"]) -> tuple[Prediction, Prediction]:
-    """(prediction at the parameters `point` and the deviates, its derivatives along the columns of `basis`).
+    """Return (prediction at the parameters `point` and the deviates, its derivatives along the columns of `basis`).
 
     The rows of `basis` are the chain's inputs: slots, deviates, pushes. edges_s: between bands of the flight's time.
     """
@@ -161,7 +161,7 @@ def _see_slopes(chain: Chain, numbers: Float[Array, " rig"], lanes: ShotBatch, p
 
 
 def pad_lanes(lanes: ShotBatch) -> tuple[ShotBatch, int]:
-    """(lanes repeated up to a multiple of PAD, of BLOCK where there are more; how many there were)."""
+    """Return (lanes repeated up to a multiple of PAD, or of BLOCK if there are more; their original number)."""
     n = len(lanes.distance_m)
     multiple = PAD if n <= BLOCK else BLOCK
     return lanes.take(np.resize(np.arange(n), -(-n // multiple) * multiple)), n
@@ -171,8 +171,11 @@ def see_in_blocks(chain: Chain, lanes: ShotBatch, point: Float[np.ndarray, " slo
                   deviates: Float[np.ndarray, "n D"], edges_s: Float[np.ndarray, " edges"],
                   basis: Float[np.ndarray, "size k"],
                   see: Callable[..., Any] | None = None) -> tuple[Prediction, Prediction]:
-    """see_slopes of all lanes, as numpy arrays: BLOCK lanes and WIDTH slopes at a time, so that one compilation serves
-    all, and on all cores. see: in place of see_slopes."""
+    """Run see_slopes on all lanes and all cores, returning numpy arrays.
+
+    BLOCK lanes and WIDTH slopes are computed at a time, so that one compilation serves all. see: in place of
+    see_slopes.
+    """
     padded, n = pad_lanes(lanes)
     every = np.resize(deviates, (len(padded.distance_m), deviates.shape[1]))
     width = basis.shape[1]
@@ -195,7 +198,8 @@ def see_in_blocks(chain: Chain, lanes: ShotBatch, point: Float[np.ndarray, " slo
 
 def plane_grid(chain: Chain, lanes: ShotBatch,
                points: Float[Array, "g slots"]) -> tuple[Float[Array, "g n"], Bool[Array, "g n"]]:
-    """Heights above the target's centre and whether the ball came there, at each of the parameters `points`."""
+    """Return heights above the target's centre and whether the ball reached the plane, for each of the parameters
+    `points`."""
     shape, numbers = apart(chain.rig)
     # nothing of tracks, and points in multiples: each other form would be compiled
     bare = replace(chain, rig=shape, track=False, bands=0, substeps=1, free=False)

@@ -28,7 +28,7 @@ from truearc.sim.physics.term import DIRECTIONS, LEFT, LOG, STAGES, Parameter, T
 
 
 class Measurement(NamedTuple):
-    """In the unit of the term's amplitude; 0: nothing of the kind is there."""
+    """A measurement in the unit of the term's amplitude; 0: no such effect."""
 
     value: float
     sd: float
@@ -92,7 +92,7 @@ class Layout:
 
     @property
     def grouped(self) -> int:
-        """How many columns are effects of groups."""
+        """Number of columns that are effects of groups."""
         return int((self.source == -2).sum())
 
 
@@ -109,12 +109,12 @@ class Point:
     @staticmethod
     def still(layout: Layout, shots: int, values: Float[Array, " slots"],
               log_scatter: Float[Array, " S"]) -> "Point":
-        """Of `shots` without deviations."""
+        """Return the point of `shots` without deviations."""
         return Point(values, log_scatter, np.zeros((shots, layout.chain.deviates)), np.zeros(layout.grouped))
 
 
 def column_of(term: str, among: Catalogue | None = None) -> str:
-    """The column of a term's amplitude, its first parameter. InputError for a term that there is none of."""
+    """Return the column of a term's amplitude, its first parameter. InputError for an unknown term."""
     (found,) = known_terms.find_terms([term], among)
     return f"{term}.{found.parameters[0].name}"
 
@@ -125,7 +125,7 @@ class MeasuredPrior(NamedTuple):
 
 
 def prior_of(measured: Measured, column: str, usual: float) -> MeasuredPrior:
-    """Of a term's amplitude that is usually of that size, once it was measured."""
+    """Return the prior of a term's amplitude of that usual size, after its measurement."""
     if column not in measured:
         return MeasuredPrior(0.0, usual**-2.0)
     value, sd = measured[column]
@@ -134,7 +134,7 @@ def prior_of(measured: Measured, column: str, usual: float) -> MeasuredPrior:
 
 
 def read_measured(words: Sequence[str], option: str, among: Catalogue | None = None) -> Measured:
-    """From TERM=VALUE,SD, one a word; InputError names the option and what is wrong."""
+    """Parse TERM=VALUE,SD words; InputError names the option and what is wrong."""
     found = {}
     for word in words:
         term, _, numbers = word.partition("=")
@@ -183,10 +183,11 @@ PUSH_USUAL = 1.5                      # m/s2, as of a wrong drag law or a breeze
 
 
 def groups_of(shots: Shots, rows: Int[Array, " n"]) -> tuple[str, Int[Array, " n"], int] | None:
-    """(what, label [n] of these rows, how many): balls when there are at least ten, else sessions when there are.
+    """Return (what, label [n] of these rows, how many): balls if there are at least ten, else sessions if there are.
 
-    Counted as (sum of sizes)^2 / sum of squares, so that a big group and its crumbs are not many. Many groups differ at
-    random, and that is not a finding; with fewer a difference between them counts as one, since it could be known.
+    The number is (sum of sizes)^2 / sum of squares, so that one large and many tiny groups do not count as many. Many
+    groups differ at random, which is not a finding; with fewer, a difference between them is one, since its cause could
+    be known.
     """
     for name in ("ball_id", "session"):
         texts = np.array(shots.text(name))[rows]
@@ -201,7 +202,7 @@ def groups_of(shots: Shots, rows: Int[Array, " n"]) -> tuple[str, Int[Array, " n
 def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Array, " n"], int] | None = None,
             among: Catalogue | None = None, belief: Belief | None = None,
             later: Layout | None = None) -> Layout:
-    """Every column that the data could speak of; InputError for a believed term that there is none of.
+    """Lay out every column that the data could inform; InputError for an unknown believed term.
 
     among: the catalogue whose terms are tested, and which the believed ones are of;
     truearc.sim.physics.catalogue.catalogue() when not given. belief: of this very rig, from an earlier session;
@@ -296,7 +297,7 @@ def _as_shots_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tupl
 
 
 def usual_of(term: Term, rig: Rig) -> float:
-    """One standard deviation of a term's amplitude, in its own unit, where it is at work at all."""
+    """Return one standard deviation of a term's amplitude, in its own unit, if the effect is present."""
     prior = term.parameters[0].prior
     if term.indoor_sd is not None and rig.site and rig.site.indoor:
         return term.indoor_sd
@@ -308,7 +309,7 @@ def usual_of(term: Term, rig: Rig) -> float:
 
 
 def weak_prior(parameter: Parameter) -> tuple[float, float]:
-    """(centre, standard deviation) in the parameter's own unit: its prior, WEAKER times as wide."""
+    """Return (centre, standard deviation) in the parameter's own unit: its prior, WEAKER times as wide."""
     prior = parameter.prior
     if prior is None:
         return parameter.default, 0.2 * (parameter.high - parameter.low)       # chosen: the range is five deviations
@@ -317,7 +318,7 @@ def weak_prior(parameter: Parameter) -> tuple[float, float]:
 
 
 def check_believed(believed: Iterable[str], among: Catalogue | None = None) -> None:
-    """InputError for a term that there is none of, and for one that stands for an unexplained effect."""
+    """Raise InputError for an unknown term, and for one that represents an unexplained effect."""
     for term in known_terms.find_terms(believed, among):
         if term in NAMELESS:
             raise InputError(f"{term.name} stands for an unexplained effect; discovery starts from effects "
@@ -342,18 +343,18 @@ def _shared(intake: Intake, believed: tuple[str, ...],
 
 
 def calibrated(catalogue: Catalogue) -> tuple[Term, ...]:
-    """Terms about a tracker's calibration, which is never so certain that it could name physics: fitted always."""
+    """Return terms of a tracker's calibration, which is never certain enough to name physics: always fitted."""
     return tuple(term for term in catalogue if term.calibration_sd is not None)
 
 
 def calibration_sd(term: Term, tracker: Tracker) -> float:
-    """One standard deviation of a tracker's error, as rig.toml states it, or as is usual of such a tracker."""
+    """Return one standard deviation of a tracker's error, from rig.toml or as usual for such a tracker."""
     stated: float | None = getattr(tracker, STATED.get(term.name, ""), None)
     return stated or (term.calibration_sd or 0.0) * (noise.CALIBRATED if tracker.calibrated else 1.0)
 
 
 def is_tracker(column: Column, among: Catalogue) -> bool:
-    """Whether the column is a number of a tracker's errors, which are its own: no shot depends on them."""
+    """Return whether the column is an error of the tracker alone: no shot depends on it."""
     return isinstance(among.get(column.term), WatchTerm)
 
 
@@ -421,7 +422,7 @@ def believed_name(name: str) -> str:
 
 
 def own_value(belief: Belief, name: str) -> float:
-    """The belief's value of a column that it knows, in the column's unit (scatters: the logarithm)."""
+    """Return the belief's value of a column that it knows, in the column's unit (scatters: the logarithm)."""
     value = belief.value(believed_name(name))
     if name not in SCATTER_NAMES:
         return value
@@ -429,17 +430,18 @@ def own_value(belief: Belief, name: str) -> float:
 
 
 def own_slope(name: str, value: float, among: Catalogue) -> float:
-    """d(column) / d(number on its scale), on which beliefs have their covariance; `value` in the column's unit."""
+    """Return d(column) / d(number on its scale), on which beliefs have their covariance; `value` in the column's
+    unit."""
     if name in SCATTER_NAMES:
         return 1.0                    # columns of scatters are logarithms already
     return {LOG: value, LEFT: 1.0 - value}.get(scale_of(name, among), 1.0)
 
 
 def inform(layout: Layout, belief: Belief, sure: bool = True) -> Layout:
-    """The layout, whose priors are independent, with what the belief knows better.
+    """Return the layout, whose priors are independent, with the belief's better knowledge.
 
     A coefficient that the belief states without uncertainty keeps its width and takes the belief's value; so do all
-    where it is not `sure`.
+    unless `sure`.
     """
     first = layout.first_shared
     columns = [replace(column, told=column.told or believed_name(column.name) in belief.names)
@@ -461,7 +463,7 @@ def inform(layout: Layout, belief: Belief, sure: bool = True) -> Layout:
 
 
 def may_have_moved(belief: Belief | None, name: str) -> float | None:
-    """By how much a parameter that the belief knows usually changes, in its own unit; None where it knows none."""
+    """Return the usual change of a parameter that the belief knows, in its own unit; None if it does not know it."""
     if belief is None or name in SCATTER_NAMES or name not in belief.names:
         return None
     prior = known_terms.find_parameter(name, belief.catalogue).prior
@@ -471,7 +473,8 @@ def may_have_moved(belief: Belief | None, name: str) -> float | None:
 
 
 def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> Float[Array, "p p"]:
-    """The prior's precision once numbers [(place, standard deviation)] may have changed (Sherman and Morrison)."""
+    """Return the prior's precision after numbers [(place, standard deviation)] may have changed (Sherman and
+    Morrison)."""
     for place, sd in by:
         row = precision[place]
         precision = precision - np.outer(row, row) * sd**2 / (1.0 + sd**2 * row[place])
@@ -479,15 +482,16 @@ def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> 
 
 
 def bent(layout: Layout, belief: Belief) -> Layout:
-    """The layout with the belief's unexplained effects, and the points of their curves among the shared columns."""
+    """Return the layout with the belief's unexplained effects, and the points of their curves among the shared
+    columns."""
     for name, curve in belief.curves.items():
         layout = with_curve(layout, name, belief.coefficients[name], curve)
     return layout
 
 
 def with_curve(layout: Layout, name: str, values: Mapping[str, float], curve: Curve) -> Layout:
-    """The layout with the nameless term `name`, its parameters fixed, and the curve's points in front of the shared
-    columns; they start where the curve has them."""
+    """Return the layout with the nameless term `name`, its parameters fixed, and the curve's points, at their present
+    values, before the shared columns."""
     chain, term = layout.chain, known_terms.find_nameless(name)
     whole = complete(term, values)
     old, first = len(chain.slots), layout.first_shared
@@ -537,7 +541,7 @@ def only_shared(layout: Layout, more: Iterable[str] = ()) -> Layout:
 
 
 def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:
-    """The layout with these columns moved from the asked to the shared ones."""
+    """Return the layout with these columns moved from the tested to the shared ones."""
     kept = [k for k in range(layout.first_shared) if layout.columns[k].name not in names]
     inner = only_shared(layout, names)
     shift = len(kept)
@@ -547,7 +551,8 @@ def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:
 
 
 def lean_chain(layout: Layout, kept: list[int]) -> Chain:
-    """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
+    """Return the chain with the fewest terms in the air that these columns need, from two choices, so that compiled
+    code is shared."""
     chain = layout.chain
     airborne = {term.name for term in known_terms.flight_terms(chain.terms, chain.catalogue)}
     known = {column.term for column in layout.columns[layout.first_shared:]}

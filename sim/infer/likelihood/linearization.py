@@ -39,14 +39,14 @@ class Normal:
     log_noise: Float[Array, " n"]
 
     def beside(self, other: "Normal | None", share: float) -> "Normal":
-        """With what a share of the other says."""
+        """Return the sum with a share of the other's equations."""
         if other is None:
             return self
         return Normal(self.inner + share * other.inner, self.onto + share * other.onto,
                       self.square + share * other.square, self.log_noise + other.log_noise)
 
     def at(self, change: Float[Array, "*n k"]) -> "Normal":
-        """With the residuals after the k numbers change by `change` [k], or of each shot by its own [n, k]."""
+        """Return the equations after the k numbers change by `change` [k], or by each shot's own [n, k]."""
         if not change.any():
             return self
         change = np.broadcast_to(change, self.onto.shape)
@@ -57,8 +57,8 @@ class Normal:
 
 def multiply_out(intake: Intake, seen: Prediction, slopes: Prediction,
                  deviates: Float[Array, "n D"]) -> tuple[Normal, Normal | None]:
-    """The normal equations of the exits seen [n] with their slopes (last axis k), about deviates [n, D], and those of
-    the tracks."""
+    """Return the normal equations of the exits seen [n] with their slopes (last axis k), about deviates [n, D], and
+    those of the tracks."""
     exits = _product(_exit_part(intake, seen, slopes), deviates)
     tracks = _track_part(intake, seen, slopes, deviates.shape[1])
     return exits, None if tracks is None else _product(tracks, deviates)
@@ -144,7 +144,8 @@ class Linearization:
     log_spread_by: Float[Array, "n inputs"]
 
     def change(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
-        """From the spot to other values, of the inputs; those of groups do not change. All is linear in it."""
+        """Return the change of the inputs from the spot to other values; group inputs do not change. Everything is
+        linear in it."""
         inputs = layout.inputs
         slots = inputs < len(values)
         slots[len(inputs) - _bases(layout):] = False
@@ -159,8 +160,8 @@ def _bases(layout: Layout) -> int:
 
 def linearise(intake: Intake, layout: Layout, spot: Point,
               flown: Linearization | None = None) -> tuple[ScoreTable, Float[Array, "n D"]]:
-    """(evidence at the spot, most likely deviates there); of what was flown about a spot near by, if given,
-    with the same deviates."""
+    """Return (evidence at the spot, most likely deviates there); reuses flights about a nearby spot with the same
+    deviates, if given."""
     count = layout.chain.deviates
     flown = flown or fly(intake, layout, spot)
     real = len(layout.columns) - layout.grouped
@@ -291,7 +292,7 @@ def _fly(intake: Intake, layout: Layout, spot: Point,
 
 
 def variance_of(intake: Intake, log_scatter: Float[Array, " S"]) -> Float[Array, "n D"]:
-    """Variances of the deviates."""
+    """Return variances of the deviates."""
     variance = intake.noise_var.copy()
     variance[:, SCATTERED] += intake.scattered * np.exp(2.0 * log_scatter[:TRACK])
     return variance

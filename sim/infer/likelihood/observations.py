@@ -50,14 +50,16 @@ class OutcomeObservations:
         return np.asarray(np.isfinite(self.height_m))
 
     def take(self, index: Int[Array, " k"] | Bool[Array, " n"]) -> "OutcomeObservations":
-        """Those of the shots."""
+        """Return those of these shots."""
         return replace(self, low=self.low[index], high=self.high[index], height_m=self.height_m[index],
                        classes=self.classes[index])
 
 
 def see_outcomes(shots: Shots, target: Target | None) -> tuple[Int[Array, " n"], OutcomeObservations]:
-    """(rows [n] with a usable outcome, side or height, the observations). A miss to the left or right has no
-    information on the height; the side low or high halves what an outcome leaves open, or stands for itself.
+    """Return (rows [n] with a usable outcome, side or height, the observations).
+
+    A miss to the left or right carries no information on the height; the side low or high halves what an outcome
+    allows, or is used alone.
 
     InputError when there are outcomes but no [target] in rig.toml.
     """
@@ -82,7 +84,7 @@ def see_outcomes(shots: Shots, target: Target | None) -> tuple[Int[Array, " n"],
 
 
 def interval(target: Target, outcome: str, side: str) -> tuple[float, float, float, float]:
-    """(low, high, low2, high2) in m that the words leave open; both empty (0, 0) without information."""
+    """Return (low, high, low2, high2) in m that the words allow; both empty (0, 0) without information."""
     inner, outer = target.three_half_height_m, target.two_half_height_m
     nothing = (0.0, 0.0)
     if outcome == THREE:
@@ -100,7 +102,7 @@ def interval(target: Target, outcome: str, side: str) -> tuple[float, float, flo
 
 def log_likelihood(seen: OutcomeObservations, mean_m: Float[Array, " n"],
                    spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Log-likelihood [n] of what was seen, heights normal(mean_m, spread_m), from the centre."""
+    """Return the log-likelihood [n] of the observations, for heights normal(mean_m, spread_m) from the centre."""
     chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
     return np.asarray(np.where(seen.measured, _log_height(seen, mean_m, spread_m)[0], np.log(chance)))
 
@@ -119,7 +121,8 @@ def _log_height(seen: OutcomeObservations, mean_m: Float[Array, " n"],
 
 def slopes(seen: OutcomeObservations, mean_m: Float[Array, " n"],
            spread_m: Float[Array, " n"]) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]:
-    """Derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by metres that all borders move out."""
+    """Return derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by metres that all borders move
+    out."""
     chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
     by_mean, by_log, by_width = (_edge_slopes(seen.low, mean_m, spread_m)
                                  - _edge_slopes(seen.high, mean_m, spread_m)).sum(2)
@@ -133,7 +136,7 @@ def slopes(seen: OutcomeObservations, mean_m: Float[Array, " n"],
 
 def information(seen: OutcomeObservations, mean_m: Float[Array, " n"],
                 spread_m: Float[Array, " n"]) -> Float[Array, "n 3 3"]:
-    """Expected information [n, 3, 3] on what `slopes` differentiates by, over all outcomes that could be told apart; a
+    """Return the expected information [n, 3, 3] on the arguments of `slopes`, over all distinguishable outcomes; a
     height that is a slip has none."""
     n, cells = len(mean_m), _cells_of_classes(seen)
     edges = np.broadcast_to(seen.borders, (n, len(seen.borders)))
@@ -148,26 +151,26 @@ def information(seen: OutcomeObservations, mean_m: Float[Array, " n"],
 
 
 def widened(seen: OutcomeObservations, wider_m: Float[Array, " n"]) -> OutcomeObservations:
-    """The same outcomes where all borders lie `wider_m` [n] farther out."""
+    """Return the same outcomes with all borders `wider_m` [n] farther out."""
     low, high = (np.where(np.isfinite(edge), edge + np.sign(edge) * wider_m[:, None], edge)
                  for edge in (seen.low, seen.high))
     return replace(seen, low=low, high=high)
 
 
 def reopened(seen: OutcomeObservations, wider_m: float) -> OutcomeObservations:
-    """The same outcomes of an opening whose half heights are both `wider_m` larger."""
+    """Return the same outcomes of an opening whose half heights are both `wider_m` larger."""
     borders = np.where(np.isfinite(seen.borders), seen.borders + np.sign(seen.borders) * wider_m, seen.borders)
     return replace(widened(seen, np.full(len(seen.low), wider_m)), borders=borders)
 
 
 def best_class(seen: OutcomeObservations, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Int[Array, " n"]:
-    """Index [n] of the likeliest of miss, two, three."""
+    """Return the index [n] of the likeliest of miss, two, three."""
     return np.asarray(np.argmax(class_chances(seen, mean_m, spread_m), axis=1))
 
 
 def class_chances(seen: OutcomeObservations, mean_m: Float[Array, " n"],
                   spread_m: Float[Array, " n"]) -> Float[Array, "n 3"]:
-    """Probability [n, 3] of miss, two and three, slips among them."""
+    """Return the probability [n, 3] of miss, two and three, including slips."""
     two, three = seen.borders[4], seen.borders[3]
     inside = [ndtr((edge - mean_m) / spread_m) - ndtr((-edge - mean_m) / spread_m) for edge in (two, three)]
     clean = np.stack([1.0 - inside[0], inside[0] - inside[1], inside[1]], axis=1)
@@ -247,7 +250,7 @@ class Scatter:
 
 
 def samples_of(dataset: Dataset) -> tuple[Samples | None, Scatter | None, tuple[str, ...]]:
-    """(times at heights or tracks of a dataset, their noise, notes of what was left out); None without any."""
+    """Return (times at heights or tracks of a dataset, their noise, notes on excluded data); None without any."""
     if dataset.times is not None and len(dataset.times.t_s):
         return *gather_times(dataset.times), ()
     if dataset.tracks is None or len(dataset.tracks.t_s) == 0:
@@ -259,7 +262,7 @@ def samples_of(dataset: Dataset) -> tuple[Samples | None, Scatter | None, tuple[
 
 
 def gather_samples(tracks: Tracks) -> tuple[Samples, tuple[str, ...], int]:
-    """(padded tracks, notes on what was left out, number of gross outliers left out)."""
+    """Return (padded tracks, notes on excluded data, number of excluded gross outliers)."""
     kept, short, gross = [], 0, 0
     for shot, where in tracks.by_shot():
         data = np.stack([tracks.t_s[where], tracks.x_m[where], tracks.y_m[where], tracks.z_m[where]], axis=1)
@@ -283,7 +286,7 @@ def gather_samples(tracks: Tracks) -> tuple[Samples, tuple[str, ...], int]:
 
 
 def gather_times(times: Times) -> tuple[Samples, Scatter]:
-    """Times at heights as tracks of which the height alone was measured, and their scatter where time has none."""
+    """Return times at heights as tracks of which only the height was measured, and their scatter if time has none."""
     rows, mine = np.unique(times.shot), [mine for _, mine in times.by_shot()]
     width = -(-(1 + max(map(len, mine))) // PAD) * PAD
     time_s, height_m, clock_s = np.zeros((3, len(rows), width))
@@ -299,7 +302,7 @@ def gather_times(times: Times) -> tuple[Samples, Scatter]:
 
 
 def put_right(data: Float[Array, "L 4"]) -> Float[Array, " L"]:
-    """Timestamps [L] of samples (t, x, y, z), put on by whole frames where some were silently lost in between.
+    """Return timestamps [L] of samples (t, x, y, z), corrected by whole frames where some were silently lost.
 
     A smooth flight through samples that leap ahead along their own way fits far better once the stamps leap, too. No
     force on a ball does that.
@@ -320,7 +323,8 @@ def put_right(data: Float[Array, "L 4"]) -> Float[Array, " L"]:
 
 
 def measure_scatter(samples: Samples, believed_m: float) -> Scatter:
-    """Noise about the smoothest flight that each track allows; the believed figure when no track is long enough.
+    """Measure noise about the smoothest flight that each track allows; the believed figure if no track is long
+    enough.
 
     A smooth curve takes some of the noise with it, most of slow noise. Size and memory are those that would leave what
     was found after the same curve was taken out of a typical track. An axis whose samples are all alike was not
@@ -351,13 +355,13 @@ def _left_over(time_s: Float[Array, " L"], memory: float, gap_s: float) -> tuple
 
 
 def timed_noise(samples: Samples, speed_m_s: Float[Array, "n L"]) -> Float[Array, "n L"]:
-    """How many times as much heights scatter because the times do, at that vertical speed."""
+    """Return the factor by which heights scatter more because the times do, at that vertical speed."""
     assert samples.clock_s is not None
     return np.asarray(np.hypot(1.0, samples.clock_s * np.abs(speed_m_s) / TIMED_M))
 
 
 def whiten(samples: Samples, scatter: Scatter, columns: Float[Array, "n L 3 k"]) -> Float[Array, "n 3*L k"]:
-    """Turn position-like columns into ones with independent unit noise; padding becomes 0.
+    """Transform position-like columns to independent unit noise; padding becomes 0.
 
     First-order autoregression in continuous time: each sample less its forecast from the one before.
     """
@@ -369,7 +373,7 @@ def whiten(samples: Samples, scatter: Scatter, columns: Float[Array, "n L 3 k"])
 
 
 def log_volume(samples: Samples, scatter: Scatter) -> Float[Array, " n"]:
-    """Log density of each track's noise where all that `whiten` makes of it is 0."""
+    """Return the log density of each track's noise if everything that `whiten` returns is 0."""
     new = np.log(scatter.sigma_m) + 0.5 * np.log(1.0 - _memory(samples, scatter)**2 + 1e-12)
     first = np.log(scatter.sigma_m).sum() + 1.5 * np.log(2.0 * np.pi)
     later = ((new.sum(2) + 1.5 * np.log(2.0 * np.pi)) * samples.real[:, 1:]).sum(1)

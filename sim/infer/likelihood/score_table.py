@@ -48,7 +48,7 @@ class Column:
 
     @property
     def term(self) -> str:
-        """The name of its term, or its own if it is of none."""
+        """The name of its term, or its own name without one."""
         return self.name.partition(".")[0]
 
 
@@ -68,7 +68,7 @@ class PlaneScores:
     log_spread_by: Float[Array, "m C"]
 
     def moved(self, change: Float[Array, "n C"]) -> Seen:
-        """(seen, mean, spread) after `change` [n, C]."""
+        """Return (seen, mean, spread) after `change` [n, C]."""
         mine = change[self.rows]
         mean, wider, log_spread = (np.einsum("mp,mp->m", mine, by)
                                    for by in (self.by_column, self.wider_by, self.log_spread_by))
@@ -91,26 +91,26 @@ class GroupedColumns:
 
     @staticmethod
     def plain(shots: int, columns: int) -> "GroupedColumns":
-        """Of shots without groups."""
+        """Return columns of shots without groups."""
         return GroupedColumns(columns, 0, 0, np.zeros(shots, dtype=int))
 
     @property
     def width(self) -> int:
-        """P"""
+        """The number P of columns."""
         return self.real + self.effects * self.groups
 
     @cached_property
     def place(self) -> Int[Array, "n C"]:
-        """Which of the P each of a shot's own columns is [n, C]."""
+        """Return which of the P each of a shot's own columns is [n, C]."""
         common = np.tile(np.arange(self.real), (len(self.label), 1))
         return np.concatenate([common, self.real + np.arange(self.effects) * self.groups + self.label[:, None]], axis=1)
 
     def own(self, change: Float[Array, "n P"]) -> Float[Array, "n C"]:
-        """Each shot's own columns."""
+        """Return each shot's own columns."""
         return np.take_along_axis(change, self.place, axis=1) if self.effects else change
 
     def spread(self, own: Float[Array, "n C"]) -> Float[Array, "n P"]:
-        """All columns, zero in those of other groups."""
+        """Return all columns, with zero in those of other groups."""
         if not self.effects:
             return own
         spread = np.zeros((len(own), self.width))
@@ -118,11 +118,11 @@ class GroupedColumns:
         return spread
 
     def some(self, rows: Int[Array, " k"] | Bool[Array, " n"]) -> "GroupedColumns":
-        """Of some shots."""
+        """Return the columns of some shots."""
         return replace(self, label=self.label[rows])
 
     def total(self, own: Float[Array, "n C C"]) -> Float[Array, "P P"]:
-        """Sum [P, P] over shots of own [n, C, C]."""
+        """Return the sum [P, P] over shots of own [n, C, C]."""
         real = self.real
         total = np.zeros((self.width, self.width))
         total[:real, :real] = own[:, :real, :real].sum(0)
@@ -132,7 +132,7 @@ class GroupedColumns:
         return total
 
     def pick(self, kept: Int[Array, " k"]) -> tuple["GroupedColumns", Int[Array, " c"]]:
-        """(deal, which own columns) of these columns, those of all shots first; of groups all or none."""
+        """Return (deal, which own columns) for these columns, those of all shots first; of groups all or none."""
         real = kept[kept < self.real]
         effects = self.effects if len(kept) > len(real) else 0
         deal = GroupedColumns(len(real), effects, self.groups if effects else 0, self.label)
@@ -174,34 +174,36 @@ class ScoreTable:
 
     @cached_property
     def score(self) -> Float[Array, "n P"]:
-        """Slope [n, P] of each shot's log-likelihood."""
+        """Return the slope [n, P] of each shot's log-likelihood."""
         return self.deal.spread(self.own_score)
 
     @cached_property
     def information(self) -> Float[Array, "P P"]:
-        """What all shots say together [P, P], without the prior."""
+        """Return the information of all shots [P, P], without the prior."""
         return self.deal.total(self.info)
 
     @cached_property
     def covariance(self) -> Float[Array, "P P"]:
-        """Of all columns, where all are shared: the inverse of information and prior."""
+        """Return the covariance of all columns, if all are shared: the inverse of information plus prior."""
         return invert(self.information + self.precision)
 
     @property
     def together(self) -> Int[Array, " n"]:
-        """The cluster of each shot [n] whose shots are correlated when figures are compared: its group, or itself."""
+        """The cluster of each shot [n], within which shots are correlated when figures are compared: its group, or
+        itself."""
         return np.arange(len(self.rows)) if self.deal.groups <= 1 else self.deal.label
 
     def index(self, name: str) -> int:
         return next(k for k, column in enumerate(self.columns) if column.name == name)
 
     def told_by(self, rows: Sequence[int] | Int[Array, " k"]) -> Float[Array, "P P"]:
-        """The information [P, P] of these shots."""
+        """Return the information [P, P] of these shots."""
         chosen = np.asarray(rows)
         return self.deal.some(chosen).total(self.info[chosen])
 
     def gain(self, change: Float[Array, "n P"]) -> Float[Array, " n"]:
-        """Log-likelihood gained by each shot [n] when columns change by `change` [n, P]; heights linear in it."""
+        """Return the log-likelihood gained by each shot [n] when columns change by `change` [n, P]; heights linear in
+        it."""
         own = self.deal.own(change)
         value: Array = np.einsum("ni,ni->n", self.linear, own) - 0.5 * np.einsum("ni,nij,nj->n", own, self.bend, own)
         if self.plane is not None:
@@ -211,12 +213,12 @@ class ScoreTable:
         return value
 
     def heights(self, change: Float[Array, "n P"]) -> Seen:
-        """(seen, mean, spread) at the plane after `change` [n, P]; there must be one."""
+        """Return (seen, mean, spread) at the plane, which must exist, after `change` [n, P]."""
         assert self.plane is not None
         return self.plane.moved(self.deal.own(change))
 
     def slopes_at(self, change: Float[Array, "n P"]) -> tuple[Float[Array, "n C"], Float[Array, "n C C"]]:
-        """Own score [n, C] and information [n, C, C] after `change` [n, P]."""
+        """Return own score [n, C] and information [n, C, C] after `change` [n, P]."""
         own = self.deal.own(change)
         score = self.linear - np.einsum("nij,nj->ni", self.bend, own)
         if self.plane is None:
@@ -224,7 +226,7 @@ class ScoreTable:
         return score, _with_plane(self.plane, self.plane.moved(own), score, self.bend)
 
     def moved(self, change: Float[Array, "n P"]) -> "ScoreTable":
-        """The same about the point moved by `change` [n, P], heights and tracks taken as linear on the way."""
+        """Return the table about the point moved by `change` [n, P], with heights and tracks taken as linear."""
         score, info = self.slopes_at(change)
         plane, own = self.plane, self.deal.own(change)
         if plane is not None:
@@ -235,7 +237,7 @@ class ScoreTable:
                        info=info)
 
     def pick(self, kept: Int[Array, " k"]) -> "ScoreTable":
-        """With these columns only, in this order; the shared ones must all be kept, and last."""
+        """Return the table with these columns only, in this order; the shared ones must all be kept, and last."""
         deal, own = self.deal.pick(kept)
         plane = self.plane
         if plane is not None:
@@ -247,15 +249,15 @@ class ScoreTable:
                         self.info[square])
 
     def shared_only(self) -> "ScoreTable":
-        """The shared columns alone."""
+        """Return the table of the shared columns alone."""
         return self.pick(np.arange(self.first_shared, len(self.columns)))
 
     def held_out(self) -> Float[Array, " n"]:
-        """Log score of each shot by fits of all columns, which must all be shared, to the other folds."""
+        """Return the log score of each shot by fits of all columns, which must all be shared, to the other folds."""
         return np.asarray(self.log_score + self.gain(self.held_out_change()))
 
     def held_out_change(self) -> Float[Array, "n P"]:
-        """For each shot the change of all columns, fitted to the other folds."""
+        """Return, for each shot, the change of all columns fitted to the other folds."""
         return by_folds(self, lambda train: np.tile(fit_linear(self, train), (len(train), 1)))
 
 
@@ -285,7 +287,7 @@ def _with_plane(plane: PlaneScores, there: Seen, score: Float[Array, "n C"],
 
 def plane_terms(plane: PlaneScores, seen: OutcomeObservations, mean_m: Float[Array, " m"],
                 spread_m: Float[Array, " m"]) -> tuple[Float[Array, "m C"], Float[Array, "m C C"]]:
-    """Score and expected information of the observations at the plane."""
+    """Return score and expected information of the observations at the plane."""
     by_mean, by_log, by_width = outcomes.slopes(seen, mean_m, spread_m)
     score = (by_mean[:, None] * plane.by_column + by_log[:, None] * plane.log_spread_by
              + by_width[:, None] * plane.wider_by)
@@ -300,7 +302,7 @@ HALVINGS = 6                          # each halved so often at most
 
 
 def by_folds(evidence: ScoreTable, fit: Callable[[Bool[Array, " n"]], Float[Array, "n P"]]) -> Float[Array, "n P"]:
-    """For each shot its part of what `fit` makes of the shots in the other folds."""
+    """Return, for each shot, its part of the result of `fit` on the shots of the other folds."""
     fold = folds_of(len(evidence.rows))
     change = np.zeros((len(fold), len(evidence.columns)))
     for held in range(fold.max() + 1):
@@ -309,13 +311,13 @@ def by_folds(evidence: ScoreTable, fit: Callable[[Bool[Array, " n"]], Float[Arra
 
 
 def folds_of(shots: int) -> Int[Array, " n"]:
-    """The fold of each shot: every fifth one, so that each fold sees the whole session."""
+    """Return the fold of each shot: every fifth one, so that each fold covers the whole session."""
     return np.arange(shots) % FOLDS
 
 
 def fit_linear(evidence: ScoreTable, train: Bool[Array, " n"], start: Float[Array, " P"] | None = None,
                free: Bool[Array, " P"] | slice = slice(None)) -> Float[Array, " P"]:
-    """Most probable change of all columns, which must all be shared, given the shots in `train`.
+    """Return the most probable change of all columns, which must all be shared, given the shots in `train`.
 
     start: [P] where to begin; columns that are not `free` stay there.
     """
@@ -338,7 +340,8 @@ def fit_linear(evidence: ScoreTable, train: Bool[Array, " n"], start: Float[Arra
 
 
 def log_posterior(evidence: ScoreTable, change: Float[Array, " P"], train: Bool[Array, " n"] | slice) -> float:
-    """Gained by a change of all columns, by the shots in `train`; heights and tracks are linear in it."""
+    """Return the gain of the log posterior by a change of all columns, from the shots in `train`; heights and tracks
+    are linear in it."""
     gained = evidence.gain(np.tile(change, (len(evidence.rows), 1)))[train].sum()
     return float(gained + evidence.pull @ change - 0.5 * change @ evidence.precision @ change)
 
@@ -346,7 +349,7 @@ def log_posterior(evidence: ScoreTable, change: Float[Array, " P"], train: Bool[
 def go_uphill(found: Float[Array, " k"], step_from: Callable[[Float[Array, " k"]], Float[Array, " k"]],
               value_at: Callable[[Float[Array, " k"]], float], steps: int, halvings: int,
               enough: float) -> Float[Array, " k"]:
-    """Steps from `found`, whose value is 0, each halved until it gains; ends with one that gains less than `enough`."""
+    """Step from `found`, whose value is 0, halving each step until it gains; stop at a gain of less than `enough`."""
     best = 0.0
     for _ in range(steps):
         step = step_from(found)
@@ -364,7 +367,7 @@ def go_uphill(found: Float[Array, " k"], step_from: Callable[[Float[Array, " k"]
 
 
 def clustered_error(values: Float[Array, " n"], label: Int[Array, " n"]) -> float:
-    """Standard error of the mean of values [n] that are correlated inside the clusters `label` [n]."""
+    """Return the standard error of the mean of values [n] that are correlated within the clusters `label` [n]."""
     sums = np.zeros(label.max() + 1)
     np.add.at(sums, label, values - values.mean())
     count = len(np.unique(label))

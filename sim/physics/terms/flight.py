@@ -114,7 +114,9 @@ class Magnus(term.FlightTerm):
                            source="the paper's search range; 1 is the inviscid value",
                            reason="a lift of k r w / v in the usual form, k near 0.5 to 1, is cl 0.1 to 0.2 with the "
                            "true spin, half of that with the paper's (twice as fast); smooth balls may reverse it",
-                           by_ball=0.08)
+                           by_ball=0.08, below="so backspin presses the ball down: make sure of each wheel's clock_deg "
+                           "in rig.toml (0 touches from above, 180 from below), or of the sign of exit_spin_rev_s "
+                           "(backspin is positive); only smooth balls do so")
     direction = "vertical"
     label = "lift"
     sentence = "The ball's spin bends its path, in proportion to spin and speed."

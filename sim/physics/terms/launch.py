@@ -36,7 +36,10 @@ class ExitEfficiency(term.SpeedTerm):
                            meaning="share of the wheels' speed that the ball does not get",
                            source="team 971 measured 13 to 33 % below surface speed",
                            reason="67 to 87 % of surface speed were measured with wheels above and below; 0.2 on the "
-                           "log of what is left is 54 to 98 % at two sigma", percent=True)
+                           "log of what is left is 54 to 98 % at two sigma", percent=True,
+                           below="so, other terms aside, balls leave faster than the wheels' surfaces run: make sure "
+                           "of each wheel's radius_m and gear and of free_speed_rad_s in rig.toml, or of "
+                           "exit_speed_m_s")
     sentence = "The ball leaves slower than the wheels' surfaces run, by the same share at every speed."
     phrase = either_way("the ball leaves {} <slower|faster> than the wheels' surfaces run", SHARE)
     instrument = Instrument("exit_speed_film", "exit speed with a high-speed camera", 0.02, True)

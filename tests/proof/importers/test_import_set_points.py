@@ -15,7 +15,6 @@ import truearc.cli.main as truearc
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import load_dataset
-from truearc.sim.data.import_shots import doubts_of
 from truearc.sim.physics.simulate import launch_of
 from truearc.sim.physics.term import Exit
 from truearc_proof.importers import set_points
@@ -280,10 +279,10 @@ def test_an_elevation_below_the_line_of_sight_is_doubted_and_imported(
     flat = history(tmp_path, STEEP_DEG + 0.5, STEEP_DEG - 0.5, STEEP_DEG - 8.0)
     assert truearc.main(["import", "frc-3476", str(flat), "-o", str(tmp_path / "d")]) == 0
     said = capsys.readouterr().out
-    assert "warning: 2 of 3 shots leave flatter than a straight line to the opening's lower rim" in said
+    assert "note: 2 of 3 shots leave flatter than a straight line to the opening's lower rim" in said
     assert f"c-002 at 1.50 m has {STEEP_DEG - 8.0:.1f} deg, where {STEEP_DEG:.1f} are the least" in said
     assert len(load_dataset(tmp_path / "d").shots) == 3
-    assert doubts_of(import_3476(history(tmp_path, STEEP_DEG + 0.1))) == ()
+    assert import_3476(history(tmp_path, STEEP_DEG + 0.1)).notes() == ()
 
 
 def test_only_some_of_the_shots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -187,7 +187,7 @@ def test_rows_in_the_place_of_others_are_said(tmp_path: Path) -> None:
     times = [0.1 * k for k in range(50)]
     path.write_text("Timestamp,Key,Value\n" + "".join(f"{t_s},/wheel,{t_s}\n" for t_s in times[:30] + times[:30]),
                     encoding="utf-8")
-    assert read_csv_log(path, None, 1.0).damage == ("damaged: time goes back in 1 rows; shots may be missing",)
+    assert read_csv_log(path, "Timestamp", 1.0).damage == ("damaged: time goes back in 1 rows; shots may be missing",)
 
 
 def test_a_table_of_one_value_that_fills_the_memory_is_refused(tmp_path: Path) -> None:

@@ -23,8 +23,7 @@ from truearc.robot.config.schema import load_config
 from truearc.robot.config.shot_map import load_map
 from truearc.robot.recording.session import TRIALS, load_trials
 from truearc.sim.data.files import load_dataset, save_dataset
-from truearc.sim.data.guess_map import _meaning
-from truearc.sim.data.log import Series
+from truearc.sim.data.log import Series, state_or_pulse
 from truearc.sim.data.recordings import label_by_repeatability, rule, shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
@@ -203,7 +202,7 @@ def test_what_a_boolean_means_is_left_open_in_doubt(runs: list[tuple[float, floa
                                                     meant: dict[str, str]) -> None:
     edges = [(-1.0, 0.0), *(edge for up, down in runs for edge in ((up, 1.0), (down, 0.0)))]
     series = Series("Scored", np.array([t_s for t_s, _ in edges]), np.array([value for _, value in edges]))
-    values, said = _meaning(series, np.array(shots))
+    values, said = state_or_pulse(series, np.array(shots))
     assert values == meant and ("left out:" in said) == (not meant)
 
 
@@ -250,7 +249,8 @@ def test_a_csv_table_of_loops_gives_the_same(log: Path, rig: Path, recorded: ta.
 
 
 @pytest.mark.parametrize(("text", "said"), [
-    ("", "schema: missing key"),
+    ("", "shots.toml: is an empty file; a map of columns (shots.toml) is expected"),
+    ('about = "mine"', "schema: missing key"),
     ('schema = "truearc.shot-map/1"\n[columns]\nhod_deg = "x"', "columns.hod_deg: there is no such column"),
     ('schema = "truearc.shot-map/1"\n[columns]\nhood_deg = { key = "/Hood/PivotPositionRad", unit = "V" }',
      "columns.hood_deg.unit: 'V' is not a unit of hood_deg"),
@@ -272,10 +272,11 @@ def test_what_is_no_log_is_refused(rig: Path, tmp_path: Path) -> None:
     (tmp_path / "a.wpilog").write_bytes(b"no log at all")
     with pytest.raises(ta.InputError, match="is not a WPILOG"):
         ta.import_shots([tmp_path / "a.wpilog"], rig=rig)
-    (tmp_path / "a.csv").write_text("Timestamp,v\n0,1\nx,2\n")
+    loops = "".join(f"{k / 50},1\n" for k in range(30))
+    (tmp_path / "a.csv").write_text(f"Timestamp,v\n0,1\nx,2\n{loops}")
     with pytest.raises(ta.InputError, match=r"a\.csv:3: 'x' is not a time"):
         ta.import_shots([tmp_path / "a.csv"], rig=rig)
-    (tmp_path / "b.csv").write_text("Timestamp,v\n0,1\n1,2\n")
+    (tmp_path / "b.csv").write_text(f"Timestamp,v\n{loops}")
     with pytest.raises(ta.InputError, match="no signal's name, unit and numbers look like distance_m, hood_deg, "):
         ta.import_shots([tmp_path / "b.csv"], rig=rig)
 

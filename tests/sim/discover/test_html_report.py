@@ -108,7 +108,10 @@ def test_nothing_found_still_shows_the_shots_and_what_they_could_have_told(quiet
     assert quiet.finding.verdict == "none"
     page = pages.make_report("quiet", quiet)
     text = read(page)
-    assert "No mismatch" in text and "seen from, with 120 shots" in text and "shots needed" in text
+    opening = re.match(r"Nothing found; these 120 shots could not have shown .* below .*; best next: measure ",
+                       quiet.finding.sentence)
+    assert opening and opening[0] in text and "by no more than chance" in text
+    assert "seen from, with 120 shots" in text and "shots needed" in text
     assert "<details><summary>Effect by effect" not in page and "Simulation and shots" in text
     assert page.count("data:image/png;base64,") >= 2
 

@@ -1,5 +1,6 @@
 """What was not measured says nothing; a verdict 'none' says what could not have been seen, and plans it."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,12 @@ from msgspec import structs
 
 import truearc as ta
 from tests.sim.discover.odd_rigs import make_drops
+from truearc.sim.discover.decide import opening_of
+from truearc.sim.discover.identifiability import TAKEN, UNTOUCHED, Sight, TermIdentifiability
+from truearc.sim.discover.next_steps import blind_terms
+from truearc.sim.discover.report.finding_text import say_blind, say_none
+from truearc.sim.infer.belief import point_belief
+from truearc.sim.physics.simulate import launch_state
 
 LATERAL = "wind_y"
 EXAMPLE = Path(__file__).parents[3] / "examples" / "spreadsheet"
@@ -93,6 +100,41 @@ def test_none_says_what_could_not_have_been_seen_before_what_could(quiet: tuple[
         assert step["do"] == "measure" and f"measure {step['what']}" in found.sentence
         for term in step["shows"]:                        # with one test alone, too, at most a little would be seen
             assert could[term].smallest is None or could[term].smallest > 0.3 * could[term].usual, term
+
+
+SEEN = TermIdentifiability("wind_x", "flight", "m/s", 0.8, 1.0, 1.0, 60, 0.4, 0.99, None, (), None, 0.0)
+
+
+def test_a_sentence_begins_with_what_most_terms_could_not_have_shown() -> None:
+    blind = structs.replace(SEEN, smallest=3.0)
+    unseen = structs.replace(SEEN, term="spin_decay", unit="1/s", usual=0.4, smallest=None, why=TAKEN)
+    other = structs.replace(SEEN, term="ball_wear", smallest=None, why=UNTOUCHED)
+    for terms, opening in (((blind, unseen, SEEN), "blind"), ((blind, SEEN), "none"), ((SEEN, other, other), "none")):
+        sight = Sight(120, "L0", (), terms, (), ())
+        assert opening_of((), sight, blind_terms(sight)) == opening
+        assert opening_of(("an error",), sight, blind_terms(sight)) == "tracker"
+    listed = blind_terms(Sight(120, "L0", (), (other, unseen, blind), (), ()))
+    assert [one.term for one in listed] == ["wind_x", "spin_decay", "ball_wear"]
+    assert say_blind(listed, ({"what": "the wind"},), opens="Nothing found; these 120 shots") == (
+        "Nothing found; these 120 shots could not have shown head or tail wind below 3.0 m/s, spin decay of any size, "
+        "ball wear of any size; best next: measure the wind.")
+    assert say_none(("gravity",), 0.3, 120, 0.05, opening="blind").startswith(" They differ from the simulation (")
+    assert say_none(("gravity",), 0.3, 120, 0.05).startswith("No mismatch: 120 shots differ")
+
+
+@pytest.mark.slow
+def test_a_ball_faster_than_its_wheels_is_said_beside_the_fit() -> None:
+    week = ta.load_dataset(EXAMPLE)
+    slower = {**week.shots.numbers, "motor_ratio": 0.8 * week.shots.number("motor_ratio")}
+    base = ta.dataset({"shot_id": week.shots.shot_id, **slower}, rig=week.rig)
+    truth = point_belief({"drag": {"cd": 0.77}, "magnus": {"cl": 0.1}, "exit_efficiency": {"loss": -0.035}})
+    ahead, rng = np.array(ta.predict(base, truth).column("deviation_m"), float), np.random.default_rng(1)
+    speed = 1.035 * launch_state(base.rig, base.shots)["exit_speed_m_s"]
+    fast = ta.dataset({"shot_id": week.shots.shot_id, **slower, "miss_height_m": ahead + rng.normal(0.0, 0.05, 48),
+                       "exit_speed_m_s": speed + rng.normal(0.0, 0.05, 48)}, rig=week.rig)
+    found = ta.discover(fast, believe=TERMS, accept=["reach"])
+    for said in (str(ta.fit(fast, TERMS, accept=["reach"])), found.sentence):
+        assert re.search(r"exit_efficiency\.loss is below 0 \(-0\.03.*balls leave faster than the wheels", said)
 
 
 def test_design_after_none_plans_those_measurements(quiet: tuple[ta.Dataset, ta.Finding]) -> None:

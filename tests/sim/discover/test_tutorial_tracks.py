@@ -62,6 +62,21 @@ def test_a_clock_that_is_wrong_although_it_was_checked_is_said_beside_what_was_f
 
 
 @pytest.mark.slow
+def test_a_wrong_scale_of_tracks_is_said_as_lengths_or_clock() -> None:
+    flights, believed = ta.load_dataset(EXAMPLE), ["gravity", "drag", "magnus"]
+    far = {f"{axis}_m": 1.02 * getattr(flights.tracks, f"{axis}_m") for axis in "xyz"}
+    wrong = replace(flights, tracks=replace(flights.tracks, **far))
+    found = ta.discover(wrong, believe=believed, seed=0)
+    assert (found.verdict, found.record.set) == ("none", None)
+    assert found.record.tracker.set == ("track_scale", "track_clock")
+    assert re.match(r"The tracker is off: the tracker sees lengths (1\.[89]|2\.[01]) \(± 0\.1\) % too long, or the "
+                    r"tracker's clock runs 0\.9\d \(± 0\.0\d\) % slow, or a part of each: measure", found.sentence)
+    assert {"ruler", "stopwatch"} <= {step["instrument"] for step in found.record.next}
+    assert "warning: the tracker is off: the tracker sees lengths" in str(ta.fit(wrong, terms=believed))
+    assert "the tracker is off" not in str(ta.fit(flights, terms=believed))
+
+
+@pytest.mark.slow
 def test_a_measurement_that_the_flights_contradict_is_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["discover", str(EXAMPLE), "--believe", "gravity,drag", "--measured", "magnus=0.0,0.01", "--quiet"]
     assert main(words) == 0

@@ -2,11 +2,14 @@
 
 import csv
 import io
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import truearc.sim.infer.fit
+from tests.sim.discover.made import column, gaussian
 from tests.sim.infer.independent import make_dataset
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
@@ -14,9 +17,11 @@ from truearc.cli.main import main
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset, load_dataset, save_dataset
 from truearc.sim.infer.belief import load_belief
-from truearc.sim.infer.fit_report import CrossValidation, say_estimates, say_prediction
-from truearc.sim.infer.intervals import ProfileInterval
-from truearc.sim.infer.launcher import Sought
+from truearc.sim.infer.fit_report import CrossValidation, say_estimates, say_prediction, say_tracker_errors
+from truearc.sim.infer.intervals import ProfileInterval, tracker_errors
+from truearc.sim.infer.launcher import ODD, Sought, odd_places
+from truearc.sim.physics.catalogue import catalogue, find_parameter
+from truearc.sim.physics.term import from_scale, to_scale
 
 TERMS = "drag,magnus,exit_efficiency"
 
@@ -181,16 +186,72 @@ DRAG = Sought("drag.cd", "1", "drag coefficient", False, 0, 0.5, 0.5)
 def test_an_estimate_that_was_all_but_impossible_is_warned_of() -> None:
     for value, warned in ((0.2, False), (1.5, False), (8.3, True), (-0.9, True)):
         one = ProfileInterval("drag.cd", value, 0.9 * value, 1.1 * value, True, True, True)
-        said = list(say_estimates((one,), (DRAG,)))
+        said = list(say_estimates((one,), (DRAG,), {}))
         assert ("warning: drag.cd" in said[-1] and "truearc discover" in said[-1]) == warned
 
 
-def test_lift_against_the_spin_is_warned_of() -> None:
-    lift = Sought("magnus.cl", "1", "lift coefficient", False, 0, 0.1, 0.15)
-    for value, warned in ((0.05, False), (-0.05, True)):
-        one = ProfileInterval("magnus.cl", value, value - 0.01, value + 0.01, True, True, True)
-        said = list(say_estimates((one,), (lift,)))
-        assert any("warning: magnus.cl is below 0" in line and "clock_deg" in line for line in said) == warned
+def odd(sd: float, **values: float) -> dict[str, str]:
+    """The remarks on a fit with these coefficients, "drag__cd" for drag.cd, each known to `sd`."""
+    columns = tuple(column(name.replace("__", "."), "shared") for name in values)
+    scores = gaussian(np.zeros(len(values)), np.eye(len(values)) / sd, columns)
+    return odd_places(replace(scores, point=np.array(list(values.values()))), catalogue())
+
+
+def test_a_coefficient_beyond_its_declared_range_is_remarked() -> None:
+    for value, remarked in ((0.05, False), (-0.002, False), (-0.05, True)):
+        said = odd(0.01, magnus__cl=value)
+        assert any("magnus.cl is below 0" in line and "clock_deg" in line for line in said.values()) == remarked
+    assert odd(0.1, spin_decay__rate_per_s=-0.4)["spin_decay.rate_per_s"].endswith("which physics seldom has")
+
+
+def test_a_ball_that_leaves_faster_than_its_wheels_is_remarked() -> None:
+    said = odd(0.02, drag__cd=0.77, exit_efficiency__loss=-0.035)
+    assert list(said) == ["exit_efficiency.loss"]
+    assert "(-0.035), so, other terms aside, balls leave faster than the wheels' surfaces run: make sure " in said[
+        "exit_efficiency.loss"]
+    assert not odd(0.02, drag__cd=0.65, exit_efficiency__loss=0.05) and not odd(0.3, exit_efficiency__loss=-0.035)
+    fitted = Sought("exit_efficiency.loss", "1", "share lost", True, 0, 0.2, 0.24)
+    one = ProfileInterval("exit_efficiency.loss", -0.035, -0.068, -0.002, True, True, True)
+    assert f"warning: {said['exit_efficiency.loss']}" in list(say_estimates((one,), (fitted,), said))
+
+
+def test_a_share_odd_of_rigs_drawn_from_the_priors_is_remarked() -> None:
+    rng, terms = np.random.default_rng(0), ("drag.cd", "hood_offset.angle_deg", "release_height.above_m")
+    priors = [find_parameter(name).prior for name in terms]
+    draws = [[float(from_scale(one.scale, to_scale(one.scale, one.centre) + rng.normal() * one.sd)) for one in priors]
+             for _ in range(400)]
+    said = sum(bool(odd(1e-3, **{name.replace(".", "__"): value for name, value in zip(terms, drawn, strict=True)}))
+               for drawn in draws)
+    assert 0.5 * ODD < said / len(draws) < 1.7 * ODD
+
+
+def errors_of(scale: float, clock: float, apart: float, seed: int = 0) -> list[str]:
+    """What is said of a tracker with these errors, whose clock does what half its lengths do but for `apart`."""
+    rng = np.random.default_rng(seed)
+    pull = rng.normal(1.0, 0.1, 40) / 0.003
+    slopes = np.stack([pull, -2.0 * pull + apart * rng.normal(size=40)], axis=1)
+    columns = tuple(replace(column(f"{name}.share", "shared"), unit="1", usual=0.05)
+                    for name in ("track_scale", "track_clock"))
+    y = slopes @ [scale, clock] + rng.normal(size=40)
+    scores = gaussian(y, slopes, columns, np.full(2, 0.05**-2.0))
+    at = scores.covariance @ slopes.T @ y
+    left = gaussian(y - slopes @ at, slopes, columns, np.full(2, 0.05**-2.0), -at * 0.05**-2.0)
+    return say_tracker_errors(tracker_errors(replace(left, point=at), catalogue()), catalogue())
+
+
+def test_lengths_or_clock_are_known_to_be_off_though_neither_is() -> None:
+    line, = errors_of(0.02, 0.0, apart=1.0)
+    assert re.fullmatch(r"the tracker is off: the tracker sees lengths (2\.0|1\.9)\d \(± 0\.0\d\) % too long, or the "
+                        r"tracker's clock runs (1\.0|0\.9)\d \(± 0\.0\d\) % fast, or a part of each: measure one", line)
+
+
+def test_an_error_of_the_tracker_that_is_known_alone_is_said_alone() -> None:
+    line, = errors_of(0.02, 0.0, apart=1000.0)
+    assert "lengths" in line and "clock" not in line and line.endswith("too long; measure it")
+
+
+def test_a_tracker_without_errors_is_seldom_said_to_be_off() -> None:
+    assert sum(bool(errors_of(0.0, 0.0, apart, seed)) for apart in (1.0, 1000.0) for seed in range(100)) <= 18
 
 
 def test_a_fit_that_predicts_no_better_than_plain_shares_is_warned_of() -> None:
