@@ -364,11 +364,3 @@ def lifts_less(rows: Rows, known: Fit) -> float:
     none = known.values.copy()
     none[CL] = -centre[CL] / sd[CL]
     return float(known.score - _judge([rows], none[None]).score[0]) if known.values[CL] < none[CL] else 0.0
-
-
-def times_wheels(dataset: Dataset, known: Fit) -> float:
-    """How many times as fast as the wheels' surfaces balls leave, by the middle shot; nan where the data do not say."""
-    speed = np.where(by_wheels(dataset.shots), _launched(dataset)[0], np.nan)
-    speed = speed[np.isfinite(speed)]
-    told = len(speed) and known.values[LOSS] != 0.0
-    return math.exp(float(np.median(_left(known.values[None], speed, False) - np.log(speed)))) if told else math.nan

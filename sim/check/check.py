@@ -15,17 +15,7 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, too_large
-from truearc.sim.check.believable import (
-    SCORES,
-    Fit,
-    Reading,
-    Rows,
-    explain,
-    judged_shots,
-    lifts_less,
-    rows_of,
-    times_wheels,
-)
+from truearc.sim.check.believable import SCORES, Fit, Reading, Rows, explain, judged_shots, lifts_less, rows_of
 from truearc.sim.check.causes import LENGTHS, Cause, Flaw, causes, unusual, value_of
 from truearc.sim.check.motion import jolts, measure_motion
 from truearc.sim.data.dataset import Dataset, Times
@@ -38,8 +28,6 @@ BETTER = math.log(1000.0)             # a slip is refused from here; chosen: one
 LIKELIER = 1.5                        # nats, from which it is warned of; chosen: four times as likely
 # Chosen: of sound rigs by the priors, one in twenty surprises by more than the first
 EXPECTED, REFUSED, ODD = 5.2, 7.0, 10.0  # nats of surprise: slips are looked for, refused, and anything is warned of
-# Source: 67 to 87 % were measured (team 971), 54 to 98 % at two deviations
-OUTRUN = 0.985                        # of the wheels' surfaces, above which the speed of balls is remarked
 PRESSED = 2.0                         # nats by which lift is negative, from which it is said; chosen: smooth balls may
 PROMISING, FEW = 6, 16                # slips that are judged at their best, and shots that tell them; chosen: quick
 SLACK = 8.0                           # nats by which a scatter may become more usual, too; chosen: half the scatter
@@ -132,10 +120,6 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
     as_recorded = rows_of(reading, judged, unusual(reading.dataset))
     known = explain([as_recorded])
     yield from _topspin(reading, as_recorded, known)
-    if (times := times_wheels(reading.dataset, known)) > OUTRUN:
-        yield Flaw("speed", f"{reading.dataset.shots.source}: the wheels", f"balls leave with about {times:.2f} times "
-                   "the speed of the wheels' surfaces, although wheels slip: make sure of their radii, gears and "
-                   "speeds", warns=True)
     if known.surprise < EXPECTED:
         return
     # the shots that are farthest off, and as many others, tell which slips are promising

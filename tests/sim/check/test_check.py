@@ -180,8 +180,7 @@ def test_speeds_of_wheels_that_are_not_theirs_are_called_so(filmed: Dataset, tab
 def test_half_of_a_wheels_radius_is_warned_of(filmed: Dataset, table: Dataset) -> None:
     for dataset in (table, filmed):
         halves = wheels(dataset, [changed(one, radius_m=0.025) for one in WHEELS])
-        outrun, half = check_plausible(halves).accepted
-        assert "times the speed of the wheels' surfaces" in outrun
+        (half,) = check_plausible(halves).accepted
         assert "launcher.wheel.radius_m: this looks like half of the radius: 0.05 m" in half
 
 
