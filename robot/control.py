@@ -59,11 +59,13 @@ def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memo
         hood, hood_pid = _hood(inputs, estimate, aim, memory, config, watched)
     feed_t_ns = inputs.t_ns if verdict.fire else memory.feed_t_ns and _still_clearing(inputs, memory, config)
     feeding = bool(feed_t_ns) and (inputs.t_ns - feed_t_ns) * NS < config.feeder.feed_s and (
-        wheels_on and hood_on and watched.feeder_on and watched.feeder_ready)
+        wheels_on and hood_on and watched.feeder_on and watched.feeder_ready
+        and watched.wheels_ready and watched.hood_ready)
     command = Command(wheels_on, hood_on, watched.feeder_on, flywheel, hood,
                       config.feeder.torque_nm if feeding else 0.0)
     return command, replace(memory, flywheel=wheel_pid, hood=hood_pid, feed_t_ns=feed_t_ns,
-                            motion=watched.remember(flywheel, hood), failures=watched.failures or UNSET,
+                            motion=watched.remember(flywheel, hood), failures=watched.failures[1] or UNSET,
+                            wheel_failures=watched.failures[0] or UNSET,
                             steady_t_ns=_steady_since(inputs, estimate, aim, memory, config))
 
 

@@ -206,6 +206,8 @@ def _encoder(angle: AngleReading | None, t_ns: int, config: Config) -> list[Reas
         return [because.DEVICE_NEVER_RECEIVED(device=ENCODER)]
     if not _young(t_ns - angle.t_ns, config.gate.reading_age_s):
         return [because.DEVICE_STALE(device=ENCODER, age_s=(t_ns - angle.t_ns) * NS)]
+    if not math.isfinite(angle.angle_rad):
+        return [because.MOTOR_NOT_FINITE(motor=ENCODER)]
     missing = None if angle.faults_t_ns is UNSET else _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S)
     found = [] if missing is None else [missing]
     if angle.faults and (errors := tuple(encoder_family_of(config.hood_encoder).errors(
@@ -226,8 +228,8 @@ def _motor(which: str | int, axis: Axis, motor: MotorReading, t_ns: int, gate: G
     if motor.errors_t_ns is not UNSET and (missing := _no_fault_report(_name(which), motor.errors_t_ns, t_ns,
                                                                        ERRORS_S)):
         found.append(missing)
-    # one that is not finite leaves no finite sum, nor do numbers beyond all sense
-    if not math.isfinite(motor.position_rad + motor.velocity_rad_s + motor.current_a + motor.bus_v):
+    if not (math.isfinite(motor.position_rad) and math.isfinite(motor.velocity_rad_s)
+            and math.isfinite(motor.current_a) and math.isfinite(motor.bus_v)):
         return [*found, because.MOTOR_NOT_FINITE(motor=_name(which))]
     family = family_of(axis)
     if errors := family.errors(axis, motor):

@@ -46,6 +46,10 @@ MOVED_RAD = 1.0                       # of the hood motor, 0.2 degrees of the sh
 # BLIND_NS, and one that sticks by half as much again as it rubs still breaks away
 BLIND, BLIND_NS, SHOWN_S = 1.75, 250_000_000, 0.06
 FAILURES = 3                          # in a row, each of which may have moved a hood whose motion is not known
+# In a row, each of which may have sped up wheels that nothing shows turning: full torque takes the shipped ones to half
+# of a usual set point each time, and they coast for longer than a driver needs to arm again
+WHEEL_FAILURES = 2
+SOFT = 1.5                            # times the stated friction: moves wheels that hardly turn, by a soft loop
 DIFFERENT = 3                         # readings in a row
 RATE_NS = 5_000_000                   # between encoder readings, for a rate: closer ones were held up on their way
 SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms, and each tick where that is overdue
@@ -77,7 +81,7 @@ class Watch(NamedTuple):
     active_t_ns: int = 0
     is_idle: bool = False
     is_short: bool = False            # the hood does not reach its set point, and is not pushed any more
-    failures: int = 0                 # of the hood, in a row, in each of which it may have moved unseen
+    failures: tuple[int, int] = (0, 0)        # of wheels and hood, in a row, in each of which one may have moved unseen
     deg_per_rad: float = 0.0          # elevation by the hood motor's angle where the hood is; 0: not worked out
 
     def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> MotionMemory:
@@ -146,7 +150,9 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     wheels = wheels if wheels.taken_t_ns or wheels.cause is not None else replace(wheels, taken_t_ns=t_ns)
     hood = hood if hood.taken_t_ns or hood.cause is not None else replace(hood, taken_t_ns=t_ns)
     # UNSET is false
-    hood, failures = _counted(hood, last.hood, memory, config) if hood.is_latched or memory.failures else (hood, 0)
+    hood, failed = _counted(hood, last.hood, memory, config) if hood.is_latched or memory.failures else (hood, 0)
+    wheels, failed_wheels = (_counted_wheels(wheels, last.wheels, inputs, wanted.wheels_rad_s, memory)
+                             if wheels.is_latched or memory.wheel_failures else (wheels, 0))
     feeder_ready = not of_feeder and by_axis[2] == (None, None)
     seen, idle_s = memory.last_sighting, config.flywheel.idle_s
     active_t_ns = last.active_t_ns
@@ -157,8 +163,8 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     is_short = (hood.dropped_deg is not None and estimate.hood_deg is not None
                 and not abs(estimate.hood_deg - hood.dropped_deg) <= config.hood.tolerance_deg)
     return Watch(wheels, hood, doubts, wheels_ready, hood_ready, feeder_ready, everywhere is None, last.armed_t_ns,
-                 active_t_ns, idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short, failures,
-                 deg_per_rad)
+                 active_t_ns, idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short,
+                 (failed_wheels, failed), deg_per_rad)
 
 
 # --- faults and doubts
@@ -238,12 +244,31 @@ def _counted(hood: Joint, before: Joint, memory: Memory, config: Config) -> tupl
     if failures and (hood.moved_t_ns > 1 if is_blind else memory.homed):
         failures = 0
     if hood.is_latched and not before.is_latched and hood.cause is not None:
-        codes = {hood.cause.code, getattr(hood.cause.params.get("cause"), "code", "")}
+        codes = _codes_of(hood.cause)
         failures += bool(codes & UNSEEN_MOTION and before.moved_t_ns <= 1 if is_blind
                          else codes & UNKNOWN_MOTION and not memory.homed)
     if failures >= FAILURES and not hood.is_latched:
         return Joint(because.HOOD_GIVEN_UP(count=failures), True), failures
     return hood, failures
+
+
+def _counted_wheels(wheels: Joint, before: Joint, inputs: Inputs, wanted_rad_s: float,
+                    memory: Memory) -> tuple[Joint, int]:
+    """Count how many times in a row the wheels were latched while nothing showed them turning; after WHEEL_FAILURES
+    they stay latched."""
+    failures = 0 if memory.wheel_failures is UNSET else memory.wheel_failures
+    if min([motor.velocity_rad_s for motor in inputs.flywheels]) >= SLOW * wanted_rad_s > 0.0:
+        failures = 0
+    elif wheels.is_latched and not before.is_latched and wheels.cause is not None:
+        failures += bool(_codes_of(wheels.cause) & UNSEEN_MOTION)
+    if failures >= WHEEL_FAILURES and not wheels.is_latched:
+        return Joint(because.WHEELS_GIVEN_UP(count=failures), True), failures
+    return wheels, failures
+
+
+def _codes_of(cause: Reason) -> set[str]:
+    """Return the codes of a reason and of what is behind it."""
+    return {cause.code, getattr(cause.params.get("cause"), "code", "")}
 
 
 # --- wheels
@@ -294,7 +319,9 @@ def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float,
              config: Config) -> tuple[Joint, Reason | None]:
     """Whether the slower of the wheels' motors answers to a torque that must turn it."""
     full = asked_nm >= FULL * config.flywheel.pid.output_high
-    is_hard = full or asked_nm > HARD * config.flywheel.ks_nm > 0.0
+    friction_nm = config.flywheel.ks_nm
+    is_hard = (full or asked_nm > HARD * friction_nm > 0.0
+               or (asked_nm > SOFT * max(friction_nm, 0.0) and slowest < SLOW * wanted_rad_s))
     if is_hard or joint.slow_t_ns:
         joint, noisy = _level(joint, slowest, wanted_rad_s, is_hard, FULL_NS if full else PUSH_NS, t_ns, config)
         if noisy:

@@ -81,6 +81,8 @@ SWITCH_NOT_REACHED = Code("switch_not_reached", "the hood's limit switch was not
 SWITCH_STUCK = Code("switch_stuck", "the hood's limit switch is still closed at {angle_deg:.1f} deg")
 HOOD_GIVEN_UP = Code("hood_given_up", "{count} times in a row its motion was not known; restart truearc",
                      {"count": "count"})
+WHEELS_GIVEN_UP = Code("wheels_given_up", "{count} times in a row nothing showed them turning; restart truearc",
+                       {"count": "count"})
 RELEASED_REPEATEDLY = Code("released_repeatedly", "{count} times in {window_s:g} s, last: {cause}",
                            {"count": "count"})
 WHEELS_IDLE = Code("wheels_idle", "wheels idle: no target and no request")

@@ -290,6 +290,7 @@ class Memory(Struct, frozen=True):
     zero_deg: float | UnsetType = UNSET           # of a hood encoder that homing zeroes; absent until it has
     motion: MotionMemory | UnsetType = UNSET            # only while armed
     failures: int | UnsetType = UNSET             # of the hood, latched without its motion being known; absent: none
+    wheel_failures: int | UnsetType = UNSET       # of the wheels, latched while nothing shows that they turn
 
 
 class Tick(Struct, frozen=True):

@@ -61,7 +61,8 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
     for name in accept:
         if name not in CHECKS:
             raise InputError(f"accept: there is no check {name!r}; there are {', '.join(CHECKS)}")
-    objections = [_named(objection, dataset) for objection in _objections(dataset)]
+    with np.errstate(all="ignore"):       # absurd numbers overflow on their way to an objection
+        objections = [_named(objection, dataset) for objection in _objections(dataset)]
     refused = [objection for objection in objections if not objection.warns and objection.check not in accept]
     if refused:
         raise InputError("\n".join(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; accept it "

@@ -64,8 +64,11 @@ def shots_from_sessions(sessions: Sequence[str | Path], name: str, telemetry: bo
         if (session / TRIALS).is_file() and not (session / TRIALS).read_bytes().endswith(b"\n"):
             left_out.append(f"{session / TRIALS}: cut short: trials after that are missing; truearc session recover "
                             f"{session} puts back what the telemetry holds")
-        if telemetry:
-            reader, in_ticks = TickReader(session), dict[int, Trial]()
+        reader, in_ticks = TickReader(session), dict[int, Trial]()
+        if telemetry and not reader.path.exists():
+            left_out.append(f"{reader.path}: missing, as [recording] of launcher.toml deletes it in time: traces of "
+                            "its shots are left out")
+        elif telemetry:
             traces += _traces(reader, kept, config, len(rows), in_ticks)
             left_out += _unlike(session, marked, in_ticks)
             if reader.cut_short:

@@ -256,8 +256,10 @@ def parse_endpoints(text: str) -> family.Endpoints:
         table = json.loads(text)
         ids = {str(name): int(entry["id"]) for name, entry in table["endpoints"].items() if "id" in entry}
         firmware = str(table["fw_version"])
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise ValueError(f"not a table of endpoints (flat_endpoints.json): {error!r}") from error
+    if wrong := next((name for name, number in ids.items() if not 0 <= number < 1 << 16), None):
+        raise ValueError(f"endpoint {wrong!r} has the id {ids[wrong]}, expected 0 to 65535")
     for name in ASKED:
         if name not in ids:
             raise ValueError(f"has no endpoint {name!r}")

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 import struct
 
 import cantools
@@ -50,6 +51,14 @@ def endpoints(tmp_path):
     path = tmp_path / "flat_endpoints.json"
     path.write_text(ENDPOINTS)
     return load_endpoints(path)
+
+
+@pytest.mark.parametrize("number", ["1e999", "70000", "-1"])
+def test_a_table_of_endpoints_with_an_impossible_id_is_refused(tmp_path, number):
+    path = tmp_path / "flat_endpoints.json"
+    path.write_text(re.sub(r'"id": \d+', f'"id": {number}', ENDPOINTS, count=1))
+    with pytest.raises(InputError, match=r"flat_endpoints\.json: "):
+        load_endpoints(path)
 
 
 class Bench:

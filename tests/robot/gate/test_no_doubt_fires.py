@@ -9,7 +9,19 @@ from collections import Counter
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from tests.robot.gate.worlds import FAMILIES, GOOD, NAMES, NEVER, WHEELS, Facts, build, may_fire, motor_is_good, spoil
+from tests.robot.gate.worlds import (
+    FAMILIES,
+    GOOD,
+    NAMES,
+    NEVER,
+    WHEELS,
+    Facts,
+    build,
+    encoder_is_good,
+    may_fire,
+    motor_is_good,
+    spoil,
+)
 from truearc.robot.tick import step
 
 AT_ONCE, BYTES = 1000, 7
@@ -36,7 +48,8 @@ def fires(facts: Facts) -> bool:
     # a ball that is on its way is fed to its end, unless the driver disarms or an axis is in doubt
     may_feed = tick.verdict.fire or (tick.memory.armed and _still_feeding(facts))
     all_good = (motor_is_good(facts, "feeder") and not facts["wires"] and tick.command.enable_flywheel
-                and tick.command.enable_hood)
+                and tick.command.enable_hood and all(motor_is_good(facts, name, BEAT_S) for name in (*WHEELS, "screw"))
+                and encoder_is_good(facts, BEAT_S))
     assert fed == may_feed if all_good else not fed or facts["wires"]
     assert tick.memory.armed or not (tick.command.enable_flywheel or tick.command.enable_hood or fed)
     assert tick.command.flywheel_torque_nm == 0.0 or all(motor_is_good(facts, name, BEAT_S) for name in WHEELS), spoilt

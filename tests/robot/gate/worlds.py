@@ -180,9 +180,14 @@ def motor_is_good(facts: Facts, name: str, beat_s: float = 0.25) -> bool:
             and says_errors and finite and obeys and not facts[f"{name}: errors"] & asked_of)
 
 
+def encoder_is_good(facts: Facts, beat_s: float = 0.25) -> bool:
+    """The hood's encoder."""
+    there = facts["encoder: there"] and facts["encoder: magnet"] and _known(facts["encoder: faults age"], beat_s)
+    return there and _known(facts["encoder: age"], facts["limit: reading age"])
+
+
 def _hood(facts: Facts) -> bool:
-    there = facts["encoder: there"] and facts["encoder: magnet"] and _known(facts["encoder: faults age"], 0.25)
-    if not there or not _known(facts["encoder: age"], facts["limit: reading age"]):
+    if not encoder_is_good(facts):
         return False
     hood, turned = facts["encoder: hood"], facts["screw: turned"]
     screw = facts["screw: hood"] if turned is None else math.nan     # no such turn brings it anywhere near

@@ -130,7 +130,7 @@ def test_every_number_of_a_tick_says_its_unit_or_needs_none():
             if column.kind in (FLOAT, INT) and not column.unit}
     assert bare == {"cycle", "axis_state", "axis_error", "faults", "frames", "motor_ratio", "p_two", "p_three",
                     "integral", "measurement", "rate", "trial", "0", "1", "2", "refused", "phase", "correction",
-                    "trim", "push", "stuck_at", "jams", "differ", "failures"}
+                    "trim", "push", "stuck_at", "jams", "differ", "failures", "wheel_failures"}
     assert unit_of("a.velocity_rad_s") == "rad/s" and unit_of("a.t_ns") == "ns" and unit_of("a.homed") == ""
 
 

@@ -313,6 +313,14 @@ def test_a_trial_that_only_the_ticks_have_is_said(session: Path) -> None:
     assert [line for line in left_out if "trial 0: is not as the telemetry has it" in line]
 
 
+def test_marked_shots_outlive_their_telemetry(session: Path) -> None:
+    whole = shots_from_sessions([session], "d").shots
+    (session / TELEMETRY).unlink()
+    dataset = shots_from_sessions([session], "d")
+    assert dataset.shots.shot_id == whole.shot_id
+    assert any("telemetry.mcap: missing" in line for line in dataset.left_out)
+
+
 @pytest.mark.parametrize(("text", "said"), [("{}", "tick_hz"), ("[]", "table"), ("null", "table"),
                                             ('{"rig":5}', "rig: a table is expected")])
 @pytest.mark.parametrize("command", [
