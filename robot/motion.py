@@ -49,7 +49,9 @@ FAILURES = 3                          # in a row, each of which may have moved a
 # In a row, each of which may have sped up wheels that nothing shows turning: full torque takes the shipped ones to half
 # of a usual set point each time, and they coast for longer than a driver needs to arm again
 WHEEL_FAILURES = 2
-SOFT = 1.5                            # times the stated friction: moves wheels that hardly turn, by a soft loop
+# Times the stated friction, and share of the torque limit, that move wheels by a loop too soft for the others; sysid,
+# which is to find their friction, asks for less
+SOFT, SOFT_SHARE = 1.5, 0.2
 DIFFERENT = 3                         # readings in a row
 RATE_NS = 5_000_000                   # between encoder readings, for a rate: closer ones were held up on their way
 SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms, and each tick where that is overdue
@@ -319,9 +321,9 @@ def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float,
              config: Config) -> tuple[Joint, Reason | None]:
     """Whether the slower of the wheels' motors answers to a torque that must turn it."""
     full = asked_nm >= FULL * config.flywheel.pid.output_high
-    friction_nm = config.flywheel.ks_nm
+    friction_nm, most_nm = config.flywheel.ks_nm, config.flywheel.pid.output_high
     is_hard = (full or asked_nm > HARD * friction_nm > 0.0
-               or (asked_nm > SOFT * max(friction_nm, 0.0) and slowest < SLOW * wanted_rad_s))
+               or (asked_nm > max(SOFT * friction_nm, SOFT_SHARE * most_nm) and slowest < SLOW * wanted_rad_s))
     if is_hard or joint.slow_t_ns:
         joint, noisy = _level(joint, slowest, wanted_rad_s, is_hard, FULL_NS if full else PUSH_NS, t_ns, config)
         if noisy:

@@ -142,7 +142,7 @@ def test_bad_input_is_named(home: Path, tmp_path: Path, capsys: pytest.CaptureFi
         capsys, "paper", "train", "--real", f"{home}/real", "--lambda", "0.1", "-o", f"{tmp_path}/w")
     assert "--patience: --validation 0" in refusal(capsys, "paper", "train", "--real", f"{home}/real", "--validation",
                                                    "0", "--patience", "9", "-o", f"{tmp_path}/w")
-    assert "weights.npz" in refusal(capsys, "export", f"{tmp_path}/none", "-o", f"{tmp_path}/x.onnx")
+    assert "truearc train" in refusal(capsys, "export", f"{tmp_path}/none", "-o", f"{tmp_path}/x.onnx")
     unjudged = make_recorded(9)
     save_dataset(tmp_path / "unjudged", Dataset("x", RIG, Shots(unjudged.shots.shot_id, unjudged.shots.numbers, {})))
     said = refusal(capsys, "paper", "train", "--real", f"{tmp_path}/unjudged", "-o", f"{tmp_path}/w")

@@ -183,7 +183,8 @@ def motor_is_good(facts: Facts, name: str, beat_s: float = 0.25) -> bool:
 def encoder_is_good(facts: Facts, beat_s: float = 0.25) -> bool:
     """The hood's encoder."""
     there = facts["encoder: there"] and facts["encoder: magnet"] and _known(facts["encoder: faults age"], beat_s)
-    return there and _known(facts["encoder: age"], facts["limit: reading age"])
+    return (there and _known(facts["encoder: age"], facts["limit: reading age"])
+            and math.isfinite(facts["encoder: hood"]))
 
 
 def _hood(facts: Facts) -> bool:
@@ -191,7 +192,7 @@ def _hood(facts: Facts) -> bool:
         return False
     hood, turned = facts["encoder: hood"], facts["screw: turned"]
     screw = facts["screw: hood"] if turned is None else math.nan     # no such turn brings it anywhere near
-    return (math.isfinite(hood) and abs(hood - screw) <= facts["limit: hood twice"]
+    return (abs(hood - screw) <= facts["limit: hood twice"]
             and abs(hood - facts["aim: hood"]) <= facts["limit: hood"] and facts["aim: says"] == "plan")
 
 
