@@ -38,12 +38,13 @@ NUDGES = 5                            # of a fifth, two fifths, ... of the great
 WHEEL_NUDGE_S, HOOD_NUDGE_S, REST_S = 0.1, 0.05, 0.15
 STARTED_RAD_S = 3.0                   # the wheels turn: an encoder's noise is less
 SPIN_S, COAST_S = 2.0, 1.0            # at 30 rad/s2, as the emulated wheels have it, a second is enough
-CREEP_DEG_S = 5.0
+CREEP_DEG_S = 5.0                     # or the hood's limit, where that is less
 RISE_S, RAMP_S = 1.0, 0.5             # of the first way up, and until the hood's torque is all there
 MOST_UP_DEG = 6.0                     # twice what is meant: more is a wrong reading
 UNSENT_NS = 100_000_000               # a motor is told every 25 ms at least, and its watchdog waits for so long
 JAM_S = 0.3                           # at full torque without motion
 MOST_TURNS = 12.0                     # of a wheel: half of WHEEL_SHARE of a free speed of 800 rad/s, for the whole time
+USUAL_RAD_S = 800.0                   # a faster wheel turns more in proportion
 
 
 def plan(config: Config, hood_deg: float | None) -> tuple[Phase, ...]:
@@ -61,18 +62,19 @@ def plan(config: Config, hood_deg: float | None) -> tuple[Phase, ...]:
                *_nudges(FLYWHEEL, 1, most_nm, top_rad_s, WHEEL_NUDGE_S, min(STARTED_RAD_S, top_rad_s)),
                Phase(FLYWHEEL, sysid.STEP, 1, most_nm, 0.0, top_rad_s, SPIN_S),
                Phase(FLYWHEEL, PAUSE, 1, 0.0, 0.0, top_rad_s, COAST_S)]
-    creep_rad_s = CREEP_DEG_S * rad_per_deg(config)
+    creep_deg_s = min(CREEP_DEG_S, hood.max_deg_s)
+    creep_rad_s = creep_deg_s * rad_per_deg(config)
     top_rad_s, hood_nm = 2.0 * creep_rad_s, -hood.homing_torque_nm
 
     def creep(sign: int, longest_s: float) -> Phase:
         return Phase(HOOD, CREEP, sign, hood_nm, hood_nm / RAMP_S, top_rad_s, longest_s, creep_rad_s)
 
     rest = Phase(HOOD, PAUSE, 1, 0.0, 0.0, top_rad_s, REST_S)
-    home_s = 2.0 * (hood.high_deg - hood.low_deg) / CREEP_DEG_S
+    home_s = 2.0 * (hood.high_deg - hood.low_deg) / creep_deg_s
     may_rise = hood_deg is None or hood_deg < hood.high_deg - 2.0 * sysid.CREEP_UP_DEG
     program += _nudges(HOOD, 1 if may_rise else -1, hood_nm, top_rad_s, HOOD_NUDGE_S, creep_rad_s / 2.0)
     program += [creep(1, RISE_S), rest] if may_rise else []
-    creep_s = 2.0 * sysid.CREEP_UP_DEG / CREEP_DEG_S + RAMP_S
+    creep_s = 2.0 * sysid.CREEP_UP_DEG / creep_deg_s + RAMP_S
     return (*program, creep(-1, home_s), rest, creep(1, creep_s), rest, creep(-1, creep_s), rest)
 
 
@@ -83,7 +85,7 @@ def describe(config: Config, program: tuple[Phase, ...]) -> str:
     return (f"wheels: up to {spin.top_rad_s:.0f} rad/s at the motor, with {spin.torque_nm:g} Nm for {SPIN_S:g} s at "
             "most, whatever they read\n"
             f"hood: {up_deg:g} deg up, down to its limit switch, {up_deg:g} deg up and down again, at "
-            f"{CREEP_DEG_S:g} deg/s with {creep.torque_nm:g} Nm at most\n"
+            f"{min(CREEP_DEG_S, config.hood.max_deg_s):g} deg/s with {creep.torque_nm:g} Nm at most\n"
             "feeder: not at all")
 
 
@@ -225,8 +227,9 @@ def _runaway(name: str, motor: MotorReading, start: MotorReading, phase: Phase) 
     turns = (motor.position_rad - start.position_rad) / math.tau
     if not abs(motor.velocity_rad_s) <= 2.0 * phase.top_rad_s:
         return f"{name} reports {motor.velocity_rad_s:.0f} rad/s; {phase.top_rad_s:.0f} are asked for at most"
-    if not abs(turns) <= MOST_TURNS:
-        return f"{name} has turned {turns:.0f} times, more than {MOST_TURNS:g}"
+    most = MOST_TURNS * max(phase.top_rad_s / (WHEEL_SHARE * USUAL_RAD_S), 1.0)
+    if not abs(turns) <= most:
+        return f"{name} has turned {turns:.0f} times, more than {most:.0f}"
     return None
 
 

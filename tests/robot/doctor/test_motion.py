@@ -29,7 +29,7 @@ from truearc.hw.emulated.nodes import Node, Twin
 from truearc.hw.emulated.serial_link import PtyCable, SlcanAdapter
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
-from truearc.robot.doctor_motion import COAST_S, SmallMotion, check_motion, plan
+from truearc.robot.doctor_motion import COAST_S, CREEP, SmallMotion, check_motion, plan, rad_per_deg
 from truearc.robot.eyes import NoEyes
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
@@ -209,6 +209,12 @@ def test_any_button_releases():
     findings, _, motion = move(button_ns=2 * SECOND)
     assert findings["motion"].level == FAILURE and "released by the operator (fire)" in findings["motion"].says
     assert max(tick.inputs.t_ns for _, tick, sent in motion.rows if sent.enable_hood) <= 2 * SECOND + 10 * MS
+
+
+def test_a_hood_with_a_lower_limit_creeps_at_that():
+    slow = replace(CONFIG, hood=replace(CONFIG.hood, max_deg_s=2.0))
+    creeps = [phase.ends_rad_s for phase in plan(slow, 40.0) if phase.kind == CREEP]
+    assert creeps and creeps == pytest.approx([2.0 * rad_per_deg(slow)] * len(creeps))
 
 
 @pytest.mark.parametrize(("lost", "over"), [([600], False), (range(600, 620), True)])
