@@ -252,11 +252,12 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
     unsure = np.hypot(motion.error_m_s2, 0.07 * np.linalg.norm(motion.bend_m_s2, axis=1) + 1e-12)
     if np.isfinite(shots.number("mass_kg")).any():           # each ball has drag of its own
         unsure = np.hypot(unsure, BALLS * np.linalg.norm(slow, axis=1))
-    low = sd[RISE] if stated or rig.target else 3.0
     along = np.hypot(way[:, 0], way[:, 1])
     upright = np.median(along) < 0.2 * np.median(np.abs(way[:, 2]))      # chosen: dropped, or nearly so
+    # where it is not stated, and of balls that are dropped, tracks tell alone where they begin
+    low, begins = (sd[RISE], begins) if (stated or rig.target) and not upright else (0.0, 0.0 * far)
     widths = np.array([*[unsure] * 3, 0.06 + 0.06 * far + fallen,
-                       0.15 + 0.1 * far + 0.1 * np.abs(place[:, 2]), 0.2 + 0.05 * np.abs(place[:, 2]),
+                       0.15 + 0.1 * far + 0.1 * np.abs(place[:, 2]), 0.15 + 0.2 * np.abs(place[:, 2]),
                        (180.0 if upright else 8.0) + np.degrees(0.05 / np.maximum(along, 1e-9)),
                        1.5 + far, 0.05 + 0.05 * far])
     too_long = np.where(longer > 0.0, longer / 0.2, longer / 1.5)

@@ -28,6 +28,7 @@ SPEEDS = {"feet per second": ("ft_s", 0.3048), "miles per hour": ("mph", 0.44704
 ANGLES = {"radians": ("rad", math.degrees(1.0)), "turns": ("", 360.0), "degrees": ("deg", 1.0)}
 MASSES = {"grams": ("g", 1e-3), "kilograms": ("kg", 1.0)}
 RATES = (24.0, 25.0, 30.0, 50.0, 60.0, 90.0, 100.0, 120.0, 180.0, 200.0, 240.0, 300.0)          # of cameras
+TILT = 0.27                           # derived: tan of the 15 degrees that the term track_tilt allows
 TALLEST = 0.25                        # share of the target's height; chosen: heights from the floor scatter by less
 
 
@@ -309,7 +310,7 @@ def _of_tracks(reading: Reading, motion: Motion) -> Iterator[Cause]:
     begin = motion.from_m - motion.start_m_s * back[:, None]
     begin[:, 2] -= 0.5 * rig.world.gravity_m_s2 * back**2
     stated, (_, aside_m, height_m) = rig.launcher.release_height_m, np.median(begin, axis=0)
-    behind_m = -float(np.median(motion.from_m[:, 0]))
+    behind_m, tilted_m = -float(np.median(motion.from_m[:, 0])), TILT * abs(float(np.median(motion.from_m[:, 2])))
     for axis, what, by_m in (
             ("z", f"balls leave at {height_m:.2f} m by their tracks, at {stated:g} m by rig.toml "
              "(launcher.release_height_m): " + (
@@ -319,8 +320,9 @@ def _of_tracks(reading: Reading, motion: Motion) -> Iterator[Cause]:
             ("y", f"balls leave at y = {aside_m:.2f} m; y_m is measured from the exit: subtract where the exit is",
              [0.0, -aside_m, 0.0]),
             ("x", f"balls are first seen {behind_m:.2f} m behind the exit; x_m is measured from the exit: subtract "
-             "where the exit is", [max(behind_m, 0.0), 0.0, 0.0])):
-        yield cause("release", f"{axis}_m", what, 2.5, same, by_m=np.array(by_m))
+             "where the exit is", [behind_m if behind_m > tilted_m else 0.0, 0.0, 0.0])):
+        if axis != "z" or stated or rig.target is not None:       # else the height of a tower, maybe, is not stated
+            yield cause("release", f"{axis}_m", what, 2.5, same, by_m=np.array(by_m))
     yield Cause(Flaw("track-shots", "tracks: shot_id", "the tracks do not rise as the hood angles of their shots say: "
                      "make sure that each track has the shot_id of its shot"), reading._replace(
                          motion=replace(motion, unlinked=True)), 3.0)
