@@ -72,7 +72,7 @@ class ShotSamples:
         """Yield (shot, its rows in order) of each shot that has samples, ascending."""
         order = np.argsort(self.shot, kind="stable")
         shots, starts = np.unique(self.shot[order], return_index=True)
-        return list(zip(shots.tolist(), np.split(order, starts[1:]), strict=True))
+        return list(zip(shots.tolist(), np.split(order, starts[1:]), strict=True)) if len(order) else []
 
     def moved(self, place: npt.NDArray[np.int64]) -> Self:
         """Return the samples by shot for shots with a place (0 or more), which is their new row."""

@@ -174,3 +174,8 @@ def test_heights_that_are_not_above_the_floor_are_refused(filmed: Dataset, low_m
         else:
             with pytest.raises(InputError, match=rf"tracks: z_m: balls leave at .* at 0\.6 m by .*{said}"):
                 check_plausible(dataset)
+
+
+def test_a_table_of_tracks_without_samples_has_no_shots() -> None:
+    none = np.zeros(0)
+    assert Tracks(np.zeros(0, dtype=int), none, none, none, none).by_shot() == []
