@@ -138,7 +138,7 @@ def wpilog_field(data: bytes, random: Random) -> bytes:
 # --- MCAP: magic, then records of an opcode (1 byte), a length (8) and that many bytes
 
 
-MAGIC, CHUNK, MESSAGE, DATA_END = 8, 0x06, 0x05, 0x0F
+MAGIC, CHUNK, MESSAGE = 8, 0x06, 0x05
 
 
 def _mcap_parts(data: bytes) -> list[bytes]:

@@ -45,7 +45,7 @@ STEP, BOUND = 0.2, 4.0                # of derivatives, and bound of parameters,
 
 
 class Reading(NamedTuple):
-    """A dataset as one takes its numbers to be."""
+    """A dataset under one interpretation of its numbers."""
 
     dataset: Dataset
     motion: Motion | None
@@ -65,7 +65,7 @@ class Rows(NamedTuple):
 
     @property
     def scattered(self) -> Bool[np.ndarray, " n"]:
-        """Which rows are speeds of shots, with a scatter."""
+        """Which rows are speeds of shots, which have a scatter."""
         return self.wide > 0.0
 
 
@@ -121,7 +121,7 @@ def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: floa
 
 
 def judged_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
-    """Shots that reached the target, by outcome or by measurement, with a distance, an angle and a speed."""
+    """Return the rows of shots known to have reached the target, with a distance, an angle and a speed."""
     shots, target = dataset.shots, dataset.rig.target
     heights = shots.number("miss_height_m")
     scored = np.isin(shots.text("outcome"), ("two", "three"))
@@ -135,7 +135,7 @@ def judged_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
 
 
 def elevation_deg(dataset: Dataset) -> Floats:
-    """Of each shot: as measured, else by its hood."""
+    """Return each shot's elevation: the measured one, else the hood's."""
     seen = dataset.shots.number("exit_deg")
     return np.asarray(np.where(np.isfinite(seen), seen, dataset.shots.number("hood_deg")))
 
@@ -164,7 +164,7 @@ def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: dict[str, 
 
 @cache
 def _priors() -> tuple[Floats, Floats]:
-    """Centre and standard deviation of each term's amplitude, on its scale."""
+    """Return the centre and standard deviation of each term's amplitude, on its scale."""
     known = [term.amplitude.prior for name in TERMS if (term := catalogue().get(name)) and term.amplitude.prior]
     return np.array([to_scale(one.scale, one.centre) for one in known]), np.array([one.sd for one in known])
 

@@ -99,7 +99,7 @@ QUANTITIES = {
 
 
 def sizes(dataset: Dataset) -> dict[str, float]:
-    """The size of each quantity that a dataset has: the number in the rig, or the middle of a column."""
+    """Return the size of each quantity in a dataset: the rig's number, or the median of a column."""
     rig, shots = dataset.rig, dataset.shots
     found: dict[str, Any] = {"density": rig.ball.mass_kg / (4.0 / 3.0 * np.pi * np.float64(rig.ball.radius_m)**3)}
     for key in QUANTITIES:
@@ -128,7 +128,7 @@ def sizes(dataset: Dataset) -> dict[str, float]:
 
 
 def unusual(dataset: Dataset) -> dict[str, float]:
-    """Nats by which the size of each quantity is unusual."""
+    """Return how unusual the size of each quantity is, in nats."""
     found = {}
     for key, size in sizes(dataset).items():
         about = QUANTITIES[key.partition(" of")[0]]
@@ -138,7 +138,7 @@ def unusual(dataset: Dataset) -> dict[str, float]:
 
 
 def value_of(dataset: Dataset, key: str) -> float:
-    """A number of the rig by its dotted key, of the first wheel; nan where it has none."""
+    """Return a number of the rig by its dotted key, for wheels the first one's; nan if it is not stated."""
     value: Any = dataset.rig
     for name in key.split("."):
         value = getattr(value, name, None)
@@ -147,14 +147,14 @@ def value_of(dataset: Dataset, key: str) -> float:
 
 
 def with_numbers(reading: Reading, **columns: Floats) -> Reading:
-    """With other columns of shots."""
+    """Return the reading with other columns of shots."""
     shots = reading.dataset.shots
     new = replace(shots, numbers={**shots.numbers, **columns})
     return reading._replace(dataset=replace(reading.dataset, shots=new))
 
 
 def _with_rig(reading: Reading, key: str, by: Callable[[float], float]) -> Reading:
-    """With another number in the rig, of every wheel."""
+    """Return the reading with another number in the rig, for wheels in each of them."""
     *path, name = key.split(".")
 
     def put(table: Any, path: list[str]) -> Any:
@@ -167,7 +167,7 @@ def _with_rig(reading: Reading, key: str, by: Callable[[float], float]) -> Readi
 
 
 def causes(reading: Reading) -> Iterator[Cause]:
-    """Every slip that the dataset may have."""
+    """Yield every slip that the dataset may have."""
     dataset = reading.dataset
     known = {name for name, column in dataset.shots.numbers.items() if np.isfinite(column).any()}
     turning = sorted(name for name in known if WHEEL.fullmatch(name))
@@ -188,7 +188,7 @@ def causes(reading: Reading) -> Iterator[Cause]:
 
 
 def _units(reading: Reading, names: list[str], about: Quantity) -> Iterator[Cause]:
-    """Columns in another unit than the one that they are read in, all rows or some."""
+    """Yield other units for columns, in all rows or in some."""
     shots, target = reading.dataset.shots, reading.dataset.rig.target
     place = f"{shots.source}: {', '.join(names)}"
     written = shots.written.get(names[0], names[0]).lower()
@@ -230,7 +230,7 @@ def _from_floor(undone: Reading, unit: str, by: float, suffix: str) -> Iterator[
 
 
 def _angles(reading: Reading, known: set[str], turning: list[str]) -> Iterator[Cause]:
-    """Angles from the vertical, exchanged columns, halves of distances and spins the other way round."""
+    """Yield angles from the vertical, exchanged columns and halved distances."""
     shots = reading.dataset.shots
     for name in {"hood_deg", "exit_deg"} & known:
         yield Cause(Flaw("hood", f"{shots.source}: {name}", "the angle is from the vertical; it is the elevation above "
@@ -250,7 +250,7 @@ def _angles(reading: Reading, known: set[str], turning: list[str]) -> Iterator[C
 
 
 def _parts(reading: Reading, turning: list[str], by_ratio: bool) -> Iterator[Cause]:
-    """Diameters, halves and gears."""
+    """Yield diameters given as radii, halved radii and wrong gears."""
     launcher, shots = reading.dataset.rig.launcher, reading.dataset.shots
     moving = bool(turning or by_ratio) and "exit_speed_m_s" not in shots.numbers
     for key in ("ball.radius_m", *(["launcher.wheel.radius_m"] if moving else [])):
@@ -273,7 +273,7 @@ def _parts(reading: Reading, turning: list[str], by_ratio: bool) -> Iterator[Cau
 
 
 def _of_tracks(reading: Reading, motion: Motion) -> Iterator[Cause]:
-    """Other units, axes, origins and times of tracks, or those of other shots."""
+    """Yield other units, axes, origins and times of tracks, and tracks of the wrong shots."""
     def cause(check: str, keys: str, what: str, rare: float, matrix: Floats, single: str = "", **more: Any) -> Cause:
         return Cause(Flaw(check, f"tracks: {keys}", what), reading._replace(motion=motion.read(matrix, **more)), rare,
                      single)

@@ -71,7 +71,7 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
 
 
 def _named(objection: Flaw, dataset: Dataset) -> Flaw:
-    """With columns as the files name them, and what they are read as."""
+    """Return the objection with the files' own column names, and what they are read as."""
     file, _, keys = objection.place.rpartition(": ")
     names = {"tracks": dataset.track_columns, dataset.shots.source: dataset.shots.written}.get(file, {})
     read = [f"{names[key]} is read as {key}" for key in re.findall(r"\w+", keys) if key in names]
@@ -82,7 +82,7 @@ def _named(objection: Flaw, dataset: Dataset) -> Flaw:
 
 
 def _placed(objection: Flaw, shots: str) -> str:
-    """With the folder of the shots' file before the names of files beside it."""
+    """Return the objection as text, with the folder of the shots' file before the names of files beside it."""
     folder = Path(shots).parent if Path(shots).suffix in (".csv", ".parquet") else None
     table = objection.place.partition(":")[0]
     if folder is None or table not in ("rig.toml", "tracks", "times"):
@@ -116,7 +116,7 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
 
 
 def _judged(reading: Reading) -> Iterator[Flaw]:
-    """The likeliest slip, if it explains the data better than believable physics does as recorded."""
+    """Yield the likeliest slip if, undone, it lets believable physics explain the data better than as recorded."""
     judged = judged_shots(reading.dataset)
     as_recorded = rows_of(reading, judged, unusual(reading.dataset))
     known = explain([as_recorded])
@@ -168,7 +168,7 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
 
 
 def _topspin(reading: Reading, rows: Rows, known: Fit) -> Iterator[Flaw]:
-    """Backspin lifts; what is stated as backspin and surely presses balls down may be topspin."""
+    """Yield a warning if the stated backspin presses balls down: it may be topspin."""
     spin = reading.dataset.shots.number("exit_spin_rev_s")
     if reading.motion is not None and np.isfinite(spin).any() and lifts_less(rows, known) > PRESSED:
         yield Flaw("spin", f"{reading.dataset.shots.source}: exit_spin_rev_s", "the more of it, the faster balls fall; "
@@ -176,7 +176,7 @@ def _topspin(reading: Reading, rows: Rows, known: Fit) -> Iterator[Flaw]:
 
 
 def _unexplained(reading: Reading, whose: np.ndarray, known: Fit) -> Iterator[Flaw]:
-    """Rows or numbers that no believable physics explains, nor a slip that is known."""
+    """Yield rows or numbers that neither believable physics nor a known slip explains."""
     shots = reading.dataset.shots
     place = f"{shots.source}: distance_m, hood_deg or speed"
     far = np.unique(whose[np.abs(known.rest) > LONE])
@@ -217,7 +217,7 @@ def _touched(dataset: Dataset, touched: list[tuple[int, float, bool]]) -> Iterat
 
 
 def _stated(dataset: Dataset) -> Iterator[Flaw]:
-    """What is likely not meant so, whatever the physics."""
+    """Yield numbers that are probably mistakes whatever the physics."""
     rig, shots = dataset.rig, dataset.shots
     for key, what in too_large(rig):
         check = OF_KEY.get(key, key.partition(".")[0])
@@ -246,7 +246,7 @@ def _stated(dataset: Dataset) -> Iterator[Flaw]:
 
 
 def _balls(dataset: Dataset) -> Iterator[Flaw]:
-    """The rig's ball, and those of shots that state theirs."""
+    """Judge the rig's ball, and the balls that shots state."""
     ball, shots = dataset.rig.ball, dataset.shots
     mass_kg, radius_m = (np.append(np.where(np.isfinite(given := shots.number(name)), given, own), own)
                          for name, own in (("mass_kg", ball.mass_kg), ("radius_m", ball.radius_m)))
@@ -278,7 +278,7 @@ def _balls(dataset: Dataset) -> Iterator[Flaw]:
 
 
 def judge_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:
-    """Those of shots of which no launch is known: they were dropped from the release height."""
+    """Judge the times of shots without a known launch, which were dropped from the release height."""
     rig, shots = dataset.rig, dataset.shots
     sped = has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
     dropped = ~(sped & (np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))))[times.shot]

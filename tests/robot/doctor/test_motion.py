@@ -1,6 +1,7 @@
 """The doctor's small motion on the emulated robot: well, and with what it is to find; judged on the plant, too."""
 
 import argparse
+import math
 import multiprocessing
 import os
 import signal
@@ -27,9 +28,10 @@ from truearc.hw.devices.family import FAILURE, OK, WARNING, Finding, Heard, fail
 from truearc.hw.devices.registry import NONE
 from truearc.hw.emulated.nodes import Node, Twin
 from truearc.hw.emulated.serial_link import PtyCable, SlcanAdapter
+from truearc.hw.protocols import MotorReading
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
-from truearc.robot.doctor_motion import COAST_S, CREEP, SmallMotion, check_motion, plan, rad_per_deg
+from truearc.robot.doctor_motion import COAST_S, CREEP, FLYWHEEL, SmallMotion, _runaway, check_motion, plan, rad_per_deg
 from truearc.robot.eyes import NoEyes
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
@@ -215,6 +217,15 @@ def test_a_hood_with_a_lower_limit_creeps_at_that():
     slow = replace(CONFIG, hood=replace(CONFIG.hood, max_deg_s=2.0))
     creeps = [phase.ends_rad_s for phase in plan(slow, 40.0) if phase.kind == CREEP]
     assert creeps and creeps == pytest.approx([2.0 * rad_per_deg(slow)] * len(creeps))
+
+
+@pytest.mark.parametrize(("free_rad_s", "turns", "is_doubted"), [(594.0, 11.0, False), (594.0, 13.0, True),
+                                                                 (2900.0, 40.0, False), (2900.0, 45.0, True)])
+def test_wheels_may_turn_in_proportion_to_their_free_speed(free_rad_s, turns, is_doubted):
+    rig = replace(CONFIG.rig, launcher=replace(CONFIG.rig.launcher, free_speed_rad_s=free_rad_s))
+    spin = next(phase for phase in plan(replace(CONFIG, rig=rig), 40.0) if phase.joint == FLYWHEEL)
+    said = _runaway("it", MotorReading(position_rad=turns * math.tau), MotorReading(), spin)
+    assert (said is not None) == is_doubted
 
 
 @pytest.mark.parametrize(("lost", "over"), [([600], False), (range(600, 620), True)])
