@@ -164,9 +164,17 @@ def forecast(rig: Rig, belief: Belief, shots: Shots) -> Forecast:
 
 def _block(rig: Rig, belief: Belief, given: Given) -> tuple[Float[np.ndarray, "lanes ..."], ...]:
     inner = [index for index, name in enumerate(belief.names) if not name.startswith(SCATTER + ".")]
-    numbers = tuple(_number(belief, belief.names[index]) for index in inner)
-    flown = slopes_at(rig, belief.coefficients, numbers, belief.values()[inner], given, belief.catalogue)
+    whole = [_constant(belief, belief.names[index]) for index in inner]
+    names = tuple(dict.fromkeys(whole))
+    numbers, at = tuple(_number(belief, name) for name in names), dict(zip(belief.names, belief.values(), strict=True))
+    flown = slopes_at(rig, belief.coefficients, numbers, np.array([at[name] for name in names]), given,
+                      belief.catalogue)
     height, by_number = (jax.tree.map(np.asarray, part) for part in (flown.height, flown.by_number))
+    by_number = by_number[:, [names.index(name) for name in whole]]
+    for column, (index, name) in enumerate(zip(inner, whole, strict=True)):
+        if belief.names[index] != name:
+            point = int(_number(belief, belief.names[index])[1].partition(".")[2])
+            by_number[:, column] *= given.circumstances.curve_by[:, point]
     speed, elevation_deg = (belief.scatter.get(name, 0.0) for name in ("speed", "elevation_deg"))
     launch = (given.rolled * (height.by_launch[:, 0] * speed)**2
               + given.hooded * (height.by_launch[:, 1] * np.radians(elevation_deg))**2)
@@ -176,6 +184,14 @@ def _block(rig: Rig, belief: Belief, given: Given) -> tuple[Float[np.ndarray, "l
     slopes = np.column_stack([height.by_launch, height.by_distance])
     near = height.near
     return *(np.where(near, column, np.nan) for column in columns), np.where(near[:, None], slopes, np.nan)
+
+
+def _constant(belief: Belief, name: str) -> str:
+    """The number that is flown for it: of a curve over ranges all points go with the constant."""
+    table, _, key = name.partition(".")
+    term = key.partition(".")[0]
+    constant = f"{CURVE}.{term}.0"
+    return constant if table == CURVE and belief.curves[term].over and constant in belief.names else name
 
 
 def _number(belief: Belief, name: str) -> Number:

@@ -21,6 +21,7 @@ from truearc.sim.infer.likelihood.layout import Layout, Point
 from truearc.sim.infer.likelihood.noise import FLOOR_M, UNMEASURED_M
 from truearc.sim.infer.likelihood.observations import log_volume, timed_noise, whiten
 from truearc.sim.infer.likelihood.score_table import Array, GroupedColumns, PlaneScores, ScoreTable, make_evidence
+from truearc.sim.physics.catalogue import CURVE
 
 LEAD = DEVIATES.index("lead_s")
 
@@ -286,9 +287,27 @@ def _common(deviates: Float[Array, "n D"]) -> Float[Array, "n D"]:
 def _fly(intake: Intake, layout: Layout, spot: Point,
          inputs: Int[Array, " k"]) -> tuple[Prediction, Prediction]:
     """(all lanes at the spot, their slopes by these of the chain's inputs)."""
-    basis = np.zeros((layout.chain.size, len(inputs)))
-    basis[inputs, np.arange(len(inputs))] = 1.0
-    return see_in_blocks(layout.chain, intake.lanes, spot.values, spot.deviates, layout.edges_s, basis, layout.see)
+    whole, times = _by_constants(intake, layout, inputs)
+    flown, place = (whole, np.arange(len(whole))) if (whole == inputs).all() else np.unique(whole, return_inverse=True)
+    basis = np.zeros((layout.chain.size, len(flown)))
+    basis[flown, np.arange(len(flown))] = 1.0
+    seen, slopes = see_in_blocks(layout.chain, intake.lanes, spot.values, spot.deviates, layout.edges_s, basis,
+                                 layout.see)
+    return seen, jax.tree.map(lambda one: one[..., place] * times.reshape(len(times), *[1] * (one.ndim - 2), -1),
+                              slopes)
+
+
+def _by_constants(intake: Intake, layout: Layout,
+                  inputs: Int[Array, " k"]) -> tuple[Int[Array, " k"], Float[Array, "n k"]]:
+    """(for each input that which is flown for it, how many times that one's slopes its own are): of a curve whose first
+    point is a constant, the slopes by all points are those by the constant times their shapes."""
+    by, slots = np.asarray(intake.lanes.circumstances.curve_by), layout.chain.slots
+    flown, times = inputs.copy(), np.ones((len(intake.rows), len(inputs)))
+    for column, slot in enumerate(k for k, (term, _) in enumerate(slots) if term == CURVE):
+        key = int(slots[slot][1].partition(".")[2])
+        if (by[:, column - key] == 1.0).all():
+            flown[inputs == slot], times[:, inputs == slot] = slot - key, by[:, [column]]
+    return flown, times
 
 
 def variance_of(intake: Intake, log_scatter: Float[Array, " S"]) -> Float[Array, "n D"]:
