@@ -288,11 +288,14 @@ def _fly(intake: Intake, layout: Layout, spot: Point,
          inputs: Int[Array, " k"]) -> tuple[Prediction, Prediction]:
     """(all lanes at the spot, their slopes by these of the chain's inputs)."""
     whole, times = _by_constants(intake, layout, inputs)
-    flown, place = (whole, np.arange(len(whole))) if (whole == inputs).all() else np.unique(whole, return_inverse=True)
+    flown = whole if np.array_equal(whole, inputs) else np.unique(whole)
     basis = np.zeros((layout.chain.size, len(flown)))
     basis[flown, np.arange(len(flown))] = 1.0
     seen, slopes = see_in_blocks(layout.chain, intake.lanes, spot.values, spot.deviates, layout.edges_s, basis,
                                  layout.see)
+    if flown is whole:
+        return seen, slopes
+    place = np.searchsorted(flown, whole)
     return seen, jax.tree.map(lambda one: one[..., place] * times.reshape(len(times), *[1] * (one.ndim - 2), -1),
                               slopes)
 

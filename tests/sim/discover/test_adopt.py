@@ -179,9 +179,11 @@ def test_a_curve_that_is_believed_is_not_found_again(nameless: Investigation, se
     assert again.at == curve.at and again.value != curve.value and np.allclose(again.value, curve.value, atol=0.02)
 
 
-def test_points_of_a_curve_are_felt_as_far_as_a_shot_goes_with_them() -> None:
+@pytest.mark.parametrize("curve", [
+    Curve((0.01, 0.02, 0.0), 0.0, "distance_m", (2.0, 4.0, 6.0), low=2.0, high=6.0),
+    Curve((0.01, 0.02, 0.0, -0.01, 0.01), 0.0, over={"distance_m": (2.0, 6.0)})])
+def test_points_of_a_curve_are_felt_as_far_as_a_shot_goes_with_them(curve: Curve) -> None:
     """The same as a deviation of that shot's elevation, which the chain knows without any curve."""
-    curve = Curve((0.01, 0.02, 0.0), 0.0, "distance_m", (2.0, 4.0, 6.0), low=2.0, high=6.0)
     belief = replace(point_belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.06}, "free_elevation": {"angle_rad": 1.0}}),
                      curves={"free_elevation": curve})
     dataset = shoot(make_world({}, "L1", 40, 9))
@@ -191,7 +193,7 @@ def test_points_of_a_curve_are_felt_as_far_as_a_shot_goes_with_them() -> None:
     evidence, _ = model.linearise(model.middle())
     steeper = evidence.score[:, evidence.index("launch elevation")]
     by = curve.by({"distance_m": dataset.shots.number("distance_m")[intake.rows]}, len(intake.rows))
-    for k in range(3):
+    for k in range(len(curve.value)):
         felt = evidence.score[:, evidence.index(f"curve.free_elevation.{k}")]
         assert np.allclose(felt, by[:, k] * steeper, atol=1e-9)
     first = evidence.columns[evidence.index("curve.free_elevation.0")]

@@ -20,10 +20,12 @@ from truearc.sim.discover.investigate import (
 )
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.discover.select.simulations import mixed, shares
-from truearc.sim.infer.belief import Belief, Coefficients, load_belief, point_belief
+from truearc.sim.infer.belief import Belief, Coefficients, Curves, along, load_belief, point_belief
 from truearc.sim.infer.launcher import coefficients_of
+from truearc.sim.infer.likelihood.data import every_column
 from truearc.sim.infer.likelihood.layout import Measurement
 from truearc.sim.infer.likelihood.score_table import ScoreTable
+from truearc.sim.infer.room import ROOM
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc_proof.truth.generate import shoot
@@ -112,9 +114,10 @@ def raised() -> tuple[Dataset, Investigation]:
     return dataset, discover(dataset, seed=1)
 
 
-def above_m(dataset: Dataset, coefficients: Coefficients) -> np.ndarray:
+def above_m(dataset: Dataset, coefficients: Coefficients, curves: Curves | None = None) -> np.ndarray:
     """Heights above the opening's centre."""
-    height_m = predict(dataset.facts, coefficients, dataset.shots, circumstances=circumstances_of(dataset)).height_m
+    around = along(curves or {}, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
+    height_m = predict(dataset.facts, coefficients, dataset.shots, circumstances=around).height_m
     return np.asarray(height_m) - opening_of(dataset.facts, coefficients).centre_m
 
 
@@ -135,10 +138,11 @@ def test_it_forecasts_the_average_and_no_single_name_does(raised: tuple[Dataset,
     average = (1.0 - sum(share.values())) * before + sum(share[name] * forecasts[name] for name in share)
     belief, provenance = make_belief(found)
     off = {name: np.sqrt(np.nanmean((one - average)**2)) for name, one in {**forecasts, "nothing": before}.items()}
-    adopted = np.sqrt(np.nanmean((above_m(dataset, belief.coefficients) - average)**2))
+    adopted = np.sqrt(np.nanmean((above_m(dataset, belief.coefficients, belief.curves) - average)**2))
     assert adopted < 0.25 * min(off.values()), (adopted, off)
     assert provenance["averaged"] and len(provenance["adopted"]) == len(share) > 1
-    assert set(belief.coefficients) == {*believed, *(name.partition(".")[0] for name in share)} - {"gravity"}
+    named = {name.partition(".")[0] for name in share}
+    assert set(belief.coefficients) == {*believed, *named, *ROOM} - {"gravity"}
     assert np.linalg.eigvalsh(belief.covariance).min() > 0.0
     assert {name for name in share if name not in belief.names} == set()
     adopted = ta.Finding("raised", found).adopt()
