@@ -165,9 +165,10 @@ def _row(trial: int, collect: Collect) -> Prescribed | None:
 
 def surface_m_s(config: Config) -> float:
     """Return the mean surface speed of the wheels at the motors' free speed (Eq. 11 of the paper)."""
-    launcher = config.rig.launcher
-    speeds = [wheel.radius_m * wheel.gear * (launcher.free_speed_rad_s or 0.0) for wheel in launcher.wheel]
-    return sum(speeds) / len(speeds)
+    wheels, free, total = config.rig.launcher.wheel, config.rig.launcher.free_speed_rad_s or 0.0, 0.0
+    for wheel in wheels:
+        total += wheel.radius_m * wheel.gear * free
+    return total / len(wheels)
 
 
 def walked(walk: Walk, distance_m: float, hood_deg: float) -> float:

@@ -129,7 +129,7 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     deg_per_rad = (motors.elevation_per_rad(here_deg(estimate, config.hood), config.hood)
                    if last.hood_torque_nm else 0.0)
     # another controller's motors are not moved by our torques, nor released by us
-    owns_wheels = any([family_of(axis).is_commanded for axis in axes.flywheels])
+    owns_wheels = family_of(axes.flywheels[0]).is_commanded      # all of them, or none
     owns_hood = family_of(axes.hood).is_commanded
     if owns_wheels:
         wheels, cause = _wheels(inputs, wanted.wheels_rad_s, wheels, last.flywheel_torque_nm, config)
