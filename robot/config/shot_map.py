@@ -1,4 +1,4 @@
-"""The schema of shots.toml: what the keys of a team's log or table mean, their units, and how its shots are found."""
+"""The schema of shots.toml: meanings and units of the keys in a team's log or table, and how its shots are found."""
 
 import math
 import re

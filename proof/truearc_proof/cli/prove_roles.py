@@ -1,4 +1,4 @@
-"""Implementation of the roles of `truearc prove`."""
+"""The implementation of the roles of `truearc prove`."""
 
 import argparse
 import subprocess

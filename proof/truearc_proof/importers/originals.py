@@ -1,4 +1,4 @@
-"""Readers of public originals: numbers in program text, and parts of a file."""
+"""Readers for the original public files: numbers in program text, and parts of a file."""
 
 import json
 import math

@@ -1,7 +1,8 @@
-"""The models of a repetition: the paper's simulator fitted to a draw, baselines, truearc's gate, the paper's networks.
+"""The models of a repetition: the paper's simulator fitted to a draw, the paper's networks, baselines, truearc's gate.
 
-Baselines predict from the recorded configurations alone, each tuned by cross-validation. Every model classifies shots
-as miss, two or three and returns the gate's probabilities: p_two = P(two or three), p_three = P(three).
+The baselines predict from the recorded configurations alone, and each is tuned by cross-validation. Every model
+classifies shots as a miss, two or three, and returns the same probabilities as the gate: p_two = P(two or three),
+p_three = P(three).
 """
 
 import warnings
