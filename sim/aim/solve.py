@@ -1,4 +1,4 @@
-"""Finds the set point with the most expected points at each distance; among near-equal ones, a smooth sequence.
+"""Search for the set points with the most expected points at each distance, in a smooth sequence if nearly equal.
 
 The probability that a set point scores follows from the belief's forecast of the height at the target.
 """

@@ -1,8 +1,8 @@
-"""Dataset from recorded sessions: one row per shot, or per configuration by the paper's labelling rule.
+"""The dataset made from recorded sessions: one row per shot, or per configuration by the paper's labelling rule.
 
 The rule (section IV-A) labels a configuration by its repeatability. R2 and R3 are the shares of its shots in the
-2-point region (which contains the 3-point region) and in the 3-point region. The rule, with the choices made where the
-paper is silent:
+2-point region (which contains the 3-point region) and in the 3-point region. With the choices made here where the paper
+is silent, the rule is:
 
     R3 >= 80 %                              -> three
     R3 < 80 % and R2 > 90 %                 -> two

@@ -8,9 +8,9 @@ therefore judged without the session's random effects of balls. If its forecasts
 interval, it is not adopted, even if it gains with this session's balls; if they are not worse, it is adopted even
 without such a gain.
 
-Next it is judged by points (truearc.sim.discover.select.simulations): it is refused if hold-out shots aimed and gated
-with it would have scored fewer points than with the present belief. The mean decides, not its interval: keeping the
-present belief costs nothing, and a robot should not be changed for an expected loss.
+The belief is then judged by points (truearc.sim.discover.select.simulations): it is refused if hold-out shots that are
+aimed and gated with it would have scored fewer points than with the present belief. The mean decides, not its interval:
+keeping the present belief costs nothing, and a robot should not be changed for an expected loss.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -2,7 +2,7 @@
 
 A Catalogue is passed as a value to all code that refers to terms. The default is catalogue(): the built-in terms and
 those of installed distributions. An entry point names a term, a class of one, or an iterable of either; a file given by
-the user defines them at module level:
+the user defines terms at module level:
 
     [project.entry-points."truearc.terms"]
     hood_flex = "truearc_hoodflex:HoodFlex"

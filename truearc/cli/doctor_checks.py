@@ -1,4 +1,6 @@
-"""Implementation of `truearc doctor`: opens each wire in turn, collects findings, and with --move moves the robot."""
+"""Implementation of `truearc doctor`, which opens each wire in turn, collects findings, and with --move moves the
+robot.
+"""
 
 import argparse
 import os

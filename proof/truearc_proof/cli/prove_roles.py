@@ -1,4 +1,4 @@
-"""The implementation of the roles of `truearc prove`."""
+"""Implementation of the roles of `truearc prove`."""
 
 import argparse
 import subprocess
