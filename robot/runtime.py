@@ -1,4 +1,4 @@
-"""The single control loop (read -> tick -> write -> record) of robot, emulation and replay, and the layers around it.
+"""The control loop (read -> tick -> write -> record) that robot, emulation and replay share, and the layers around it.
 
 A layer shows ticks on the operator page, measures their lateness, or feeds the watchdog of the service that started the
 loop. The times come with the ticks; no clock is read here.

@@ -1,6 +1,7 @@
-"""Search for the set points with the most expected points at each distance, in a smooth sequence if nearly equal.
+"""The search for the set point with the most expected points at each distance.
 
-The probability that a set point scores follows from the belief's forecast of the height at the target.
+Among set points that are nearly equal, it chooses a smooth sequence over distance. The probability that a set point
+scores follows from the belief's forecast of the height at the target.
 """
 
 from collections.abc import Mapping

@@ -1,6 +1,6 @@
 """Discovery: the detection, localization and naming of a mismatch, and the gain from a simulation that includes it.
 
-The belief from an investigation has fitted coefficients, every named effect, and their covariance.
+The belief from an investigation contains the fitted coefficients, every named effect, and their covariance.
 
 A later session may use different balls. A fit with random effects of balls then attributes much of any change in the
 robot to the balls and forecasts that session equally well, but the next session uses different balls again. A belief is

@@ -7,7 +7,7 @@
 
 The second part of r is a deviation of the exit speed from that of the launch terms; the first part is everything else.
 All fitted numbers are standard normal a priori: b and c directly, and the others as logarithms standardised by PRIORS.
-The evidence determines the prior width of the residual. A weights directory holds the gate as physics.json, which
+The evidence determines the prior width of the residual. A weights directory holds the gate in physics.json, which
 determines its probabilities, and training.json.
 
 Novelty is the distance of a configuration from the recorded ones. It defines a domain of validity that follows the

@@ -8,7 +8,7 @@ parameters (Cox and Reid 1987; Laplace's approximation of the marginal posterior
 half the log determinant of the others' curvature. Without this adjustment, a scatter that is fitted together with
 coefficients from the same shots is too small, and its interval is too short.
 
-Flights are linearised about the optimum during the search; each end is corrected with new flights.
+Flights are linearised about the optimum during the search; each end of an interval is then corrected with new flights.
 
 If a simulation lacks an effect that tracks show, the tracks disagree with it by far more than their noise, and no
 likelihood gives a parameter's error. The spread of the shots' scores still does (sandwich estimate: Huber 1967, White

@@ -9,7 +9,7 @@ the user defines terms at module level:
 
 Every catalogue contains unexplained effects: fitted free changes of the launch, the distance or the flight. Each
 amplitude is multiplied by the circumstance stored under the term's name, which truearc.sim.infer.belief computes for
-every shot. Discovery does not test them as hypotheses. A curve's points are parameters, like a term's:
+every shot. Discovery does not test these effects as hypotheses. A curve's points are parameters, like a term's:
 "curve.free_speed.0", ...
 """
 

@@ -1,7 +1,7 @@
 """The common parts of commands: option types, refusals, shared options and files, progress, and the rule for outputs.
 
 An output that exists already is refused unless `--force` is given, which replaces it. The `type=` of an option marks
-the option as an output. Recorded sessions and rounds of proof are never replaced.
+the option as an output. Recorded sessions and proof rounds are never replaced.
 """
 
 import argparse

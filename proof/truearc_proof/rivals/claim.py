@@ -2,7 +2,7 @@
 
 The simplest entrant claims the term that fits the given shots best. It refits as truearc does, and the term with the
 highest likelihood wins unconditionally, so this entrant always names a term. Of the catalogue's terms, it refits the
-LIKELY ones with the largest first-step gain (refitting more would take minutes in dirty worlds, whose fits converge
+LIKELY terms with the largest first-step gains (refitting more would take minutes in dirty worlds, whose fits converge
 slowly), and those that truearc has refitted itself. It ranks terms by the log likelihood of the fitted shots, without
 hold-out shots and without the penalty of a prior.
 

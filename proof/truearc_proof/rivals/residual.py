@@ -16,7 +16,7 @@ and noise are Gamma(1, 0.001), and the correlation of the discrepancy at half an
 The calibration differs from SEPIA in two ways. Here y is a number and its arguments are further inputs, so there are no
 bases (SEPIA's kernels of 1.5 m carry no information across drops 5 m apart). The emulator's numbers are fixed at their
 most probable values, as in Kennedy and O'Hagan's paper, whereas SEPIA samples them. The calibration cannot name terms,
-since delta is a curve. SEPIA is on no package index. Of the packages that are, BAND's has no discrepancy, kohgpjax
+since delta is a curve. SEPIA is not on any package index. Of the packages that are, BAND's has no discrepancy, kohgpjax
 needs another version of JAX, and ACBICI needs a documentation builder at run time.
 """
 

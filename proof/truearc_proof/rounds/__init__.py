@@ -5,12 +5,12 @@
     ROUND/ledger.jsonl            every step of every world, as a hash chain
     ROUND/data/w0001/             a released dataset
     ROUND/data/home/              MuJoCo's robot before any change, if there are such worlds
-    ROUND/home.json               the belief from its session, computed once for all claims
-    ROUND/claims/w0001.json       the solver's claims on it, and the shots that it requests
-    ROUND/more/w0001/             those shots, or measured.json, released
-    ROUND/again/w0001.json        the solver's claims with them
+    ROUND/home.json               the belief from that robot's session, computed once for all claims
+    ROUND/claims/w0001.json       the solver's claims about that dataset, and the shots that it requests
+    ROUND/more/w0001/             the requested shots, or measured.json, as released
+    ROUND/again/w0001.json        the solver's claims that also use them
     ROUND/keeper/round.json       how the round was drawn; not for the solver
-    ROUND/keeper/w0001.json       its seal; not for the solver
+    ROUND/keeper/w0001.json       the world's seal; not for the solver
     ROUND/grades.jsonl            marks of opened worlds
     ROUND/report.html             all of these, in pictures and tables
     ROUND/figures.json            the figures of those tables, with intervals

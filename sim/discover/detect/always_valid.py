@@ -7,8 +7,9 @@ inference"). A session may therefore be tested, and stopped, after any shot.
 
 Both probabilities are means over the same posterior draws of the belief's numbers, so that an error within the belief's
 uncertainty is not a change. The numerator is also a mean over directions (every candidate term, launch, distance and
-push), sizes and first shots; the cost per shot is constant. The test is exact for these draws; heights are linear in
-all numbers, as in the score table. The settings of a shot may depend on earlier outcomes.
+push), over sizes, and over the shot at which the change begins; the cost per shot is constant. The test is exact for
+these draws; heights are linear in all numbers, as in the score table. The settings of a shot may depend on earlier
+outcomes.
 """
 
 from collections.abc import Collection, Iterator
