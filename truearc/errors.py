@@ -1,4 +1,4 @@
-"""Errors for wrong input and plug-ins, and readers and writers of text and TOML that report file, line and key.
+"""Errors for invalid input and plug-ins, and readers and writers of text and TOML that report file, line and key.
 
 Every module may import this one, which itself imports nothing from truearc.
 """

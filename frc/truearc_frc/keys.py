@@ -1,6 +1,7 @@
-"""A robot's NetworkTables keys through WPILib's library: values read with local timestamps, and published topics.
+"""Access to a robot's NetworkTables keys through WPILib's library: timestamped values, and published topics.
 
-The library transmits a value when it changes, so a value's timestamp is that of its latest change.
+Timestamps are local. The library publishes a value when it changes, so a value's timestamp is that of its latest
+change.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""WPILOG files: export of a session for AdvantageScope and SysId, and import of logs as series.
+"""Export of a session to a WPILOG file for AdvantageScope and SysId, and import of WPILOG logs as series.
 
 A WPILOG file is an append-only sequence of records of named signals; its numbers are little-endian. The file begins
 with "WPILOG", the version 1.0 (u16), and the length and text of an extra header. A record begins with one byte that

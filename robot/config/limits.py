@@ -1,4 +1,4 @@
-"""The limits of launcher.toml: the minimum and maximum of each number, and contradictions between values.
+"""The limits of launcher.toml: the minimum and maximum of each number, and checks for contradictory values.
 
 All limits are defined in `limits.toml`. `load_config` refuses values outside them, and the formats page lists them. A
 bound is a number or a product of a number and keys, such as "2 / tick_hz" or "0.5 * hood.pid.output_high"; the

@@ -1,4 +1,4 @@
-"""The schema of shots.toml: meanings and units of the keys in a team's log or table, and how its shots are found."""
+"""The schema of shots.toml, which states the keys and units of a team's log or table and how to find its shots."""
 
 import math
 import re

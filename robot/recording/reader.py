@@ -1,4 +1,4 @@
-"""The reader of a session's ticks from the records of an MCAP file, which may be complete or truncated.
+"""Reading of a session's ticks from the records of an MCAP file, whether complete or truncated.
 
 The sizes stated in a file are not trusted: a record cannot be longer than the rest of the file, and a chunk is unpacked
 to at most LARGEST bytes. Missing rows are always detected, because the rows of a topic are numbered from 0 without gaps

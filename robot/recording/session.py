@@ -1,4 +1,6 @@
-"""The layout of a session, which is a folder:
+"""The layout of a session on disk.
+
+A session is a folder that contains:
 
     session.json     how it was made: versions, and hashes of the configuration and the model
     config.json      its configuration

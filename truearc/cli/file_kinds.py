@@ -1,4 +1,4 @@
-"""Recognition of the kinds of files, so that a command given the wrong kind can name the command to use instead."""
+"""Recognition of file kinds, so that a command given the wrong kind of file can name the command to use instead."""
 
 import argparse
 import re

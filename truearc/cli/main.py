@@ -1,4 +1,4 @@
-"""Dispatch of the command line: the table of commands, parsers, completion, and errors as messages and exit codes.
+"""Dispatch of the command line: the table of commands, parsers, completion, and the messages and exit codes of errors.
 
 Listing the commands imports none of them, because `commands.toml` describes truearc's own commands.
 """

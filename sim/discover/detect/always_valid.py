@@ -1,4 +1,4 @@
-"""An always-valid test for a change since a belief, which may be evaluated after every shot.
+"""An always-valid test for a change since a belief was formed, which may be evaluated after every shot.
 
 The statistic is an e-value: the probability of all outcomes so far if something changed at some shot, divided by their
 probability if nothing changed. If nothing changed, it exceeds 1 / alpha at any shot of an endless session with

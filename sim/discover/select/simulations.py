@@ -1,4 +1,4 @@
-"""Candidate simulations for adoption, and the value of their forecasts of hold-out shots.
+"""The simulations that are candidates for adoption, and the value of their forecasts for hold-out shots.
 
 Choosing one of several likely names discards the information in the others and is often wrong (Hoeting et al. 1999), so
 forecasts are averaged over names. An average of forecasts is not a simulation, and numbers averaged over names were
