@@ -1,6 +1,6 @@
-"""The records that discovery writes, `truearc.finding/1` and `truearc.proposal/1`, and its defaults and limits.
+"""The records that discovery writes, `truearc.finding/1` and `truearc.proposal/1`, and discovery's defaults and limits.
 
-This module has no heavy imports, because the command line shows the defaults in --help. Fields that do not apply are
+This module has no heavy imports, because the command line shows the defaults in --help. A field that does not apply is
 None (null in JSON). A proposal changes nothing on a robot.
 """
 

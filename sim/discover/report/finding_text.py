@@ -1,4 +1,4 @@
-"""Sentences on the verdict and its effects that a drive coach can act on."""
+"""Sentences about the verdict and its effects, written for a drive coach to act on."""
 
 import math
 import tomllib
