@@ -278,6 +278,8 @@ def judge_adoption(investigation: Investigation, gain: "Gain | None" = None,
         raise ValueError("the data carry no test, so nothing was fitted")
     measures = gain or usual_gain, threshold
     everything, why = _best_flown(investigation)
+    if withheld := next((step.withheld for step in everything if step.withheld), ""):
+        everything, why = tuple(step for step in everything if not step.unknown), withheld
     named = tuple(step for step in everything if not step.unknown)
     tried = (everything, named) if 0 < len(named) < len(everything) else (everything,) if everything else ()
     trials = (Simulation.of(investigation, steps, *measures) for steps in tried)
