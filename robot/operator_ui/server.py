@@ -4,9 +4,9 @@ The page receives the newest tick by Server-Sent Events. It also receives the ga
 /predict`), which do not reach the robot. Sending an aim file (`PUT /aim`) and accepting it (`POST /accept`) require a
 token (truearc.robot.operator_ui.aim_inbox).
 
-No client can block the others, not even from a shared address (a tunnel, the robot's own screen). When the limit of
-connections is exceeded, the oldest connection whose request is still being read or answered is closed. The number of
-long responses is limited as well.
+No client can block the others, not even from a shared address (a tunnel, the robot's own screen). When the limit on the
+number of connections is exceeded, the oldest connection whose request is still being read or answered is closed. The
+number of long responses is limited as well.
 """
 
 import gzip

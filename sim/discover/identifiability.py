@@ -1,8 +1,8 @@
 """Identifiability: which effects a kind of data can reveal, by the expected Fisher information of every term.
 
 The efficient information of a term is I_ee - I_en I_nn^-1 I_ne, the part that the fitted coefficients, scatters and
-random effects leave. The term's score is normal with that variance, and an effect shifts the score by its size times
-the information. An effect is detected if its score exceeds a simulated threshold. When no effect is present, the
+random effects cannot absorb. The term's score is normal with that variance, and an effect shifts the score by its size
+times the information. An effect is detected if its score exceeds a simulated threshold. When no effect is present, the
 largest score over all terms exceeds this threshold at the share of the false-alarm rate that discovery allots to terms.
 Information grows with the number of shots.
 

@@ -1,4 +1,4 @@
-"""Labels of launches at every pair of the coefficient grid, from a few flights and interpolation.
+"""Labels for launches at every pair of coefficients on the grid, interpolated from a few flights.
 
 A cell is a block of grid points for one launch. Its flights are computed at 8 x 8 Chebyshev-Lobatto nodes. Between the
 nodes, the height at the plane is taken to be a polynomial if all nodes reach the plane and the last coefficients are

@@ -1,7 +1,7 @@
 """The catalogue of hypotheses for fit, synth, discovery and the generic tests, in the order in which they act.
 
 A Catalogue is passed as a value to all code that refers to terms. The default is catalogue(): the built-in terms and
-those of installed distributions. An entry point names a term, a class of one, or an iterable of either; a file given by
+those of installed distributions. An entry point names a term, a term class, or an iterable of either; a file given by
 the user defines terms at module level:
 
     [project.entry-points."truearc.terms"]
