@@ -35,8 +35,8 @@ An unexplained effect is a free curve, which gives its size as a function of a c
 Between the knots, the curve is the natural cubic spline of discovery's own fit; beyond the outer knots, it is a
 straight line. Its points are also numbers of the belief: "curve.free_speed.0", "curve.free_speed.1", ...
 
-The room that a fit leaves for what its model gets wrong (truearc.sim.infer.room) is a sum of smooth curves, uncertain by
-the covariance like any number:
+The room that a fit leaves for what its model gets wrong (truearc.sim.infer.room) is a sum of smooth curves, which are
+uncertain by the covariance like any number:
 
     [curve.free_speed]
     value = [0.002, ...]              # a constant, then SHAPES for each covariate
