@@ -61,10 +61,10 @@ def test_the_named_effect_is_among_the_coefficients(hasty: tuple[Dataset, Invest
     (interval,) = found.finding.what[0].parameters.values()
     # larger than usual: by the prior of the usual size, with which names are compared, it is drawn towards zero
     adopted, usual = belief.coefficients["rapid_fire"]["loss"], float(found.steps[0].refit.amplitude[0])
-    assert usual + 0.3 * (interval.value - usual) < adopted < interval.value + 0.05 * interval.sd
+    assert usual < adopted < interval.value + 0.05 * interval.sd
     row = belief.names.index("rapid_fire.loss")
-    assert 0.5 * interval.sd < belief.covariance[row, row]**0.5 <= 1.001 * interval.sd
-    assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency", "rapid_fire"}
+    assert 0.5 * interval.sd < belief.covariance[row, row]**0.5 <= 1.4 * interval.sd
+    assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency", "rapid_fire", *ROOM}
     assert 0.003 < belief.scatter["speed"] < 0.05 and 0.02 < belief.scatter["elevation_deg"] < 2.0
     assert not any(name.startswith(("track_", "scatter.distance")) for name in belief.names)
     path = tmp_path / "adopted.toml"
