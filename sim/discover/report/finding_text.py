@@ -91,11 +91,11 @@ def say_name(one: Named, among: Catalogue | None = None, topspin: bool = False) 
 
 def interval_of(name: str, size: Interval, among: Catalogue | None = None) -> str:
     """A term's size or change with its sign and 90 % interval, in the unit of `size_of`; of a rate in its own."""
-    phrase, (factor, unit) = phrase_of(name, among), scale_of(size.unit)
+    phrase, (factor, unit), per = phrase_of(name, among), scale_of(size.unit), ""
     if phrase is not None and not phrase.rate:
-        factor, unit = phrase.factor, phrase.unit
-    value, low, high = (one * factor for one in (size.value, size.low90, size.high90))
-    return _interval(value, *sorted((low, high)), unit) + (phrase.per if phrase is not None and not phrase.rate else "")
+        factor, unit, per = phrase.factor, phrase.unit, phrase.per
+    low, high = sorted((size.low90 * factor, size.high90 * factor))
+    return _interval(size.value * factor, low, high, unit) + per
 
 
 def _interval(value: float, low: float, high: float, unit: str) -> str:

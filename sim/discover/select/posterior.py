@@ -327,24 +327,24 @@ def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covari
     """Compute the posterior over what is missing in `fitted`, whose single terms `naming` has ranked; or over what has
     changed since `home`, whose own misfit an unexplained change must exceed."""
     visible = [c for c in naming.candidates if c.visible]
-    singles = {name: nats + range_nats(fitted, naming, name) for name, nats in naming.nats.items()
-               if nats > terms.NEVER}
+    usual = {one.name: fitted.scores.columns[one.column].usual for one in visible}
+    alone = {name: naming.alone(fitted, name) for name, nats in naming.nats.items() if nats > terms.NEVER}
+    singles = {name: naming.nats[name] + (terms.nats_in_range(fitted, name, *size[:2], usual[name])
+                                          if name in naming.refits else 0.0) for name, size in alone.items()}
     top = max(singles.values(), default=0.0)
     single_prior = np.log(SHARES["one"] / len(visible))
-    found = [Hypothesis((name,), None, nats, single_prior, (naming.alone(fitted, name),))
-             for name, nats in singles.items()]
+    found = [Hypothesis((name,), None, nats, single_prior, (alone[name],)) for name, nats in singles.items()]
     families = families_of(fitted.scores, covariates, factors, home)
     count = max(len(families), 1)
     bases: Bases = {(): (fitted, 0.0)}
     null = log_evidence(fitted.scores.shared_only())[0]
-    found += [Hypothesis((), one, nats, np.log(SHARES["unexplained"] / count))
-              for one, nats, _ in _climbed(fitted, families, null)]
+    found += [Hypothesis((), one, one.nats, np.log(SHARES["unexplained"] / count))
+              for one, _ in _climbed(fitted, families, null)]
     pair_prior = np.log(SHARES["two"] / max(0.5 * len(visible) * (len(visible) - 1), 1.0))
     both_prior = np.log(SHARES["both"] / (count * len(visible)))
     leaders = [name for name in sorted(naming.refits, key=lambda name: -singles.get(name, terms.NEVER))[:LEADERS]
                if singles.get(name, terms.NEVER) > top - max(WITHIN, SHARE * top)]
     guesses = _at_once(fitted, visible, null)
-    usual = {one.name: fitted.scores.columns[one.column].usual for one in visible}
     for first in leaders:
         base = fitted.beside(naming.refits[first])
         bases[(first,)] = base, singles[first]
@@ -362,10 +362,9 @@ def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covari
         varied = [_family(Projector(base.scores), base.scores.index(first), first, usual[first], one, many)
                   for one, many in own_factors]
         varies_prior = np.log(SHARES["varies"] / (len(visible) * max(len(own_factors), 1)))
-        alone = (naming.alone(fitted, first),)
         for prior, many in ((varies_prior, varied), (both_prior, families_of(base.scores, covariates, factors, home))):
-            found += [Hypothesis((first,), one, singles[first] + nats, prior, sizes or alone)
-                      for one, nats, sizes in _climbed(base, many, floor, (first,))]
+            found += [Hypothesis((first,), one, singles[first] + one.nats, prior, sizes or (alone[first],))
+                      for one, sizes in _climbed(base, many, floor, (first,))]
     pairs = _refitted(fitted, guesses, top + single_prior - pair_prior - WITHIN)
     found += [Hypothesis(names, None, nats, pair_prior, sizes) for key, (nats, names, sizes) in guesses.items()
               if key not in pairs]
@@ -456,15 +455,6 @@ def nats_known(fitted: LauncherFit, name: str, amplitude: float, sd: float, usua
             + terms.nats_measured(fitted.model.layout.measured, name, amplitude, sd))
 
 
-def range_nats(fitted: LauncherFit, naming: terms.Naming, name: str) -> float:
-    """Return nats for truncating the prior of a refitted name's amplitude at the parameter's range."""
-    found = naming.refits.get(name)
-    if found is None:
-        return 0.0
-    usual = fitted.scores.columns[fitted.scores.index(name)].usual
-    return terms.nats_in_range(fitted, name, float(found.amplitude[0]), float(found.sd[0]), usual)
-
-
 def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor],
                 home: ReferenceSession | None = None) -> list[Family]:
     """Return every unexplained change that the table can show, in closed form; likeliest first."""
@@ -521,13 +511,12 @@ def _family(projector: Projector, number: int, name: str, usual: float, what: Co
 
 
 def _climbed(base: LauncherFit, families: Sequence[Family], null: float,
-             names: tuple[str, ...] = ()) -> list[tuple[Family, float, Sizes]]:
-    """The families with their nats, the likeliest climbed to their top, with the sizes of these names there."""
-    found: list[tuple[Family, float, Sizes]] = [(one, one.nats, ()) for one in families[FAMILIES:]]
+             names: tuple[str, ...] = ()) -> list[tuple[Family, Sizes]]:
+    """The families, the likeliest climbed to their top, with the sizes of these names there."""
+    found: list[tuple[Family, Sizes]] = [(one, ()) for one in families[FAMILIES:]]
     for one in families[:FAMILIES]:
         value, sizes = _sized(base, names, [one.part])
-        nats = value - null + one.spread
-        found.append((replace(one, nats=nats), nats, sizes[len(sizes) - len(names):]))
+        found.append((replace(one, nats=value - null + one.spread), sizes[len(sizes) - len(names):]))
     return found
 
 
