@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import block_diag
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from truearc.sim.discover.detect.battery import ReferenceSession
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
@@ -285,13 +285,14 @@ class Hypotheses:
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
     def sizes(self) -> dict[str, Sizes]:
-        """Return the sizes that each name has, as likely as the hypotheses are."""
+        """Return the sizes that each name has, as likely as the hypotheses are given that it is there."""
         found: dict[str, dict[terms.Size, float]] = {}
-        for one, p in zip(self.hypotheses, self.probability, strict=True):
+        for one in self.hypotheses:
             for name, size in zip(one.names, one.sizes, strict=True):
                 of_name = found.setdefault(name, {})
-                of_name[size] = of_name.get(size, 0.0) + float(p)
-        return {name: tuple(size._replace(probability=p) for size, p in sizes.items()) for name, sizes in found.items()}
+                of_name[size] = float(np.logaddexp(of_name.get(size, -np.inf), one.nats + one.log_prior))
+        return {name: tuple(size._replace(probability=p) for size, p in zip(
+            sizes, softmax(list(sizes.values())).tolist(), strict=True)) for name, sizes in found.items()}
 
     def held_by(self, names: Collection[str], beside: bool = False) -> float:
         """Return the probability that one of these is among what is missing; `beside` as above."""

@@ -147,5 +147,15 @@ def test_hypotheses_have_the_sizes_that_refits_have() -> None:
         for name, size in zip(one.names, one.sizes, strict=True):
             assert size.amplitude == pytest.approx(found.amplitude[found.names.index(name)], abs=2e-4)
             assert size.sd == pytest.approx(found.sd[found.names.index(name)], rel=0.3)       # or the sandwich's
-    sizes = posterior.sizes()
-    assert sum(size.probability for size in sizes[CHANGED]) == pytest.approx(posterior.inclusion(beside=True)[CHANGED])
+    sizes = posterior.sizes()[CHANGED]
+    alone = next(p for one, p in zip(posterior.hypotheses, posterior.probability, strict=True)
+                 if one.names == (CHANGED,))
+    assert sum(size.probability for size in sizes) == pytest.approx(1.0)
+    assert sizes[0].probability == pytest.approx(alone / posterior.inclusion(beside=True)[CHANGED])
+
+
+def test_a_name_that_is_all_but_impossible_has_a_size() -> None:
+    """Also where its probability is below the smallest number."""
+    hypotheses = tuple(post.Hypothesis((name,), None, nats, 0.0, (Size(0.1, 0.2),))
+                       for name, nats in (("a.x", 0.0), ("b.x", -2000.0)))
+    assert post.Hypotheses(hypotheses, np.array([1.0, 0.0]), {}).sizes()["b.x"] == (Size(0.1, 0.2, 1.0),)
