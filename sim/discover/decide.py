@@ -159,7 +159,7 @@ class Search:
         naming = name_terms(fitted, lambda done, note: progress(0.5 * done, note))
         posterior = weigh(fitted, naming, self.covariates, self.factors, self.home)
         progress(1.0, "weighed")
-        naming = replace(naming, inclusion=posterior.inclusion())
+        naming = replace(naming, inclusion=posterior.inclusion(), sizes=posterior.sizes())
         step = replace(make_step(naming, place, base, fitted), unexplained=posterior.unexplained(),
                        change=posterior.likeliest_change())
         return Weighed(step, posterior)
@@ -355,9 +355,10 @@ def take_apart(fitted: LauncherFit, first: Step, pair: LauncherFit, progress: Pr
     other = second.refits[second.leader]
     base = fitted.beside(fitted.with_terms((second.leader,), other.amplitude))
     naming = name_terms(base, part_of(progress, 0.5, 0.5), {pair.names[lead]: float(pair.amplitude[lead])})
-    names = (naming.leader, second.leader)
+    names, sizes = (naming.leader, second.leader), first.naming.sizes
     start = np.array([naming.refits[names[0]].amplitude[0], other.amplitude[0]])
-    return Pair((make_step(naming, first.place, (), base), make_step(second, None, (pair.names[lead],), beside)),
+    return Pair((make_step(replace(naming, sizes=sizes), first.place, (), base),
+                 make_step(replace(second, sizes=sizes), None, (pair.names[lead],), beside)),
                 fitted.beside(fitted.with_terms(names, start)))
 
 
