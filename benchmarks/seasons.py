@@ -11,7 +11,9 @@ or tracks too (L2). A line of FILE a season, with its events. Development used s
 
 import sys
 import time
+from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -24,7 +26,7 @@ import truearc as ta
 from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.investigate import make_belief
-from truearc_proof.rounds.marks import Measured, change_of, in_catalogue, mark
+from truearc_proof.rounds.marks import Measured, change_of, in_catalogue, mark, off_m, shoot_unseen
 from truearc_proof.rounds.worlds import FOREIGN, FOREIGN_CHANGES, Drawn
 from truearc_proof.table import make_markdown
 from truearc_proof.truth.generate import foreign_robot, shoot
@@ -43,17 +45,18 @@ def run(shots: tuple[int, int], job: Job) -> Line:
     level, seed, changes = job
     practice = shoot(foreign_robot(seed, level, *shots, {})[0])
     found, line = _asked(practice, seed=seed)
-    try:
+    before = belief = make_belief(replace(found.investigation, steps=()))[0]
+    with suppress(ta.InputError):     # where nothing can be adopted, what was believed stays, as fitted
         belief = found.adopt()
-    except ta.InputError:             # nothing can be adopted: what was believed stays, as fitted
-        belief = make_belief(replace(found.investigation, steps=()))[0]
+    unseen = shoot_unseen(Drawn("", FOREIGN, "clean", level, shots[0], seed))
+    assert unseen is not None
     events = {}
     for name in changes:
         change = size_of(seed, name)
         events[name] = _asked(shoot(foreign_robot(seed, level, *shots, change)[1]), belief=belief, since=practice,
                               seed=seed)[1]
     return {"level": level, "seed": seed, "shots": shots, "practice": line, "events": events,
-            "adopted": belief.provenance.get("adopted"), "coefficients": belief.coefficients}
+            "adopted": belief.provenance.get("adopted"), "off_m": [off_m(one, unseen) for one in (before, belief)]}
 
 
 def size_of(seed: int, name: str) -> dict[str, float]:
@@ -73,9 +76,12 @@ def make_table(lines: Sequence[Line]) -> str:
     """Markdown: a row for each level and change, with exact 95 % intervals (Clopper and Pearson 1934)."""
     rows = [_row(level, name, [line for line in lines if line["level"] == level and name in line["events"]])
             for level in sorted({line["level"] for line in lines}) for name in (NOTHING, *CHANGES)]
-    adopted = [" + ".join(line["adopted"] or ()) or "nothing" for line in lines]
-    return "\n\n".join([make_markdown(HEAD, [row for row in rows if row]), "Adopted of practice: " + "; ".join(
-        f"{name} ({adopted.count(name)})" for name in sorted(set(adopted), key=adopted.count, reverse=True)) + "."])
+    adopted = Counter(" + ".join(line["adopted"] or ()) or "nothing" for line in lines)
+    before, after = (np.median([line["off_m"][k] for line in lines]) for k in range(2))
+    return "\n\n".join([
+        make_markdown(HEAD, [row for row in rows if row]),
+        "Adopted of practice: " + "; ".join(f"{name} ({count})" for name, count in adopted.most_common()) + ".",
+        f"RMS error of heights in another session: {before:.3f} m, with what was adopted {after:.3f} m (medians)."])
 
 
 def _row(level: str, name: str, lines: Sequence[Line]) -> list[str]:

@@ -31,7 +31,6 @@ QUICK = {
     "gate": "--calls 20 --rounds 1 --shots 40",
     "grid_fit": "--quick --runs 1 --launches 12",
     "kill": "--kills 2",
-    "launcher_world": "--worlds 1 --level L1 --shots 24 --unseen 12 --seed 11 --processes 1 --out worlds.jsonl",
     "loop": "--trials 3",
     "plausibility": "--rigs 2",
     "power": "--level L0 --worlds 1 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",

@@ -365,7 +365,7 @@ def test_seasons_are_counted_by_change_with_exact_intervals() -> None:
         told = finding(*((name, 0.9 / (2 + k)) for k, name in enumerate(names)), found=bool(names), value=truth + off,
                        verdict=("none", "named", "set")[min(len(names), 2)])
         events = {"nothing": finding(found=False, verdict="none"), "wind_x": told}
-        return {"level": "L1", "seed": seed, "shots": [300, 80], "adopted": ["wheel_slip"],
+        return {"level": "L1", "seed": seed, "shots": [300, 80], "adopted": ["wheel_slip"], "off_m": [0.2, 0.1],
                 "events": {name: {**one, "seconds": 2.0} for name, one in events.items()}}
 
     table = seasons.make_table([season(20090, "wind_x"), season(20091, "wind_z", "wind_x", off=0.8),

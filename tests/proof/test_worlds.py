@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import truearc as ta
-from benchmarks.launcher_world import heights_m
 from truearc import robot
 from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
@@ -224,6 +223,11 @@ def test_what_has_a_name_of_the_other_engine_is_of_its_stage() -> None:
     known = [change for change in worlds.UNCATALOGUED if change.name in GOES_WITH]
     assert {"hood_flex", "drag_crisis"} <= {change.name for change in known}
     assert all(change.stages == (find_effect(change.name).stage,) for change in known)
+
+
+def heights_m(season: Season) -> np.ndarray:
+    """Where each ball crossed the target's plane [n], in m above the floor; NaN where it fell before it."""
+    return np.array([np.nan if one.z_m is None else one.z_m for one in season.results])
 
 
 def played(options: dict[str, float], settings: list[ShotSetting], sensors: Sensors = ORDINARY,
