@@ -50,11 +50,8 @@ def run(shots: tuple[int, int], job: Job) -> Line:
         belief = found.adopt()
     unseen = shoot_unseen(Drawn("", FOREIGN, "clean", level, shots[0], seed))
     assert unseen is not None
-    events = {}
-    for name in changes:
-        change = size_of(seed, name)
-        events[name] = _asked(shoot(foreign_robot(seed, level, *shots, change)[1]), belief=belief, since=practice,
-                              seed=seed)[1]
+    events = {name: _asked(shoot(foreign_robot(seed, level, *shots, size_of(seed, name))[1]), belief=belief,
+                           since=practice, seed=seed)[1] for name in changes}
     return {"level": level, "seed": seed, "shots": shots, "practice": line, "events": events,
             "adopted": belief.provenance.get("adopted"), "off_m": [off_m(one, unseen) for one in (before, belief)]}
 
@@ -74,45 +71,39 @@ def _asked(shots: ta.Dataset, **known: Any) -> tuple[ta.Finding, Line]:
 
 def make_table(lines: Sequence[Line]) -> str:
     """Markdown: a row for each level and change, with exact 95 % intervals (Clopper and Pearson 1934)."""
+    there = {(line["level"], name): None for line in lines for name in line["events"]}
     rows = [_row(level, name, [line for line in lines if line["level"] == level and name in line["events"]])
-            for level in sorted({line["level"] for line in lines}) for name in (NOTHING, *CHANGES)]
+            for level, name in there]
     adopted = Counter(" + ".join(line["adopted"] or ()) or "nothing" for line in lines)
     before, after = (np.median([line["off_m"][k] for line in lines]) for k in range(2))
     return "\n\n".join([
-        make_markdown(HEAD, [row for row in rows if row]),
+        make_markdown(HEAD, rows),
         "Adopted of practice: " + "; ".join(f"{name} ({count})" for name, count in adopted.most_common()) + ".",
         f"RMS error of heights in another session: {before:.3f} m, with what was adopted {after:.3f} m (medians)."])
 
 
 def _row(level: str, name: str, lines: Sequence[Line]) -> list[str]:
-    if not lines:
-        return []
     marks, sizes = [], []             # sizes: (value, low90, high90, truth) of changes in their sets
     for line in lines:
         change, finding = size_of(line["seed"], name), line["events"][name]
-        one = mark(Drawn("", FOREIGN, "one" if change else "clean", level, line["shots"][1], line["seed"], change),
-                   finding, Measured())
-        marks.append(one)
-        for effect, amount in change.items() if one.covered else ():
+        drawn = Drawn("", FOREIGN, "one" if change else "clean", level, line["shots"][1], line["seed"], change)
+        marks.append(mark(drawn, finding, Measured()))
+        for effect, amount in change.items() if marks[-1].covered else ():
             parameter, truth = in_catalogue(effect, amount) or ("", 0.0)
-            given = change_of(next(each for each in finding["what"] if each["term"] == effect), parameter)
+            given = change_of(next((each for each in finding["what"] if each["term"] == effect), {}), parameter)
             sizes += [(*given, truth)] if given else []
     found = [one for one in marks if one.found]
-    seconds = np.mean([line["events"][name]["seconds"] for line in lines])
-    value, low, high, truth = np.reshape(sizes, (-1, 4)).T
+    value, low, high, truths = np.reshape(sizes, (-1, 4)).T
+    off = (f"{np.sqrt(np.mean((value - truths)**2)):.2g}", f"{np.mean(high - low) / 3.29:.2g}") if sizes else ("-", "-")
     return [level, name, str(len(marks)), _share([one.found for one in marks]),
             _share([not one.first for one in found if one.verdict == "named"]),
-            *((_share([bool(one.covered) for one in found]), _share(list((low <= truth) & (truth <= high))))
-              if name != NOTHING else ("", "")),
-            *((f"{np.sqrt(np.mean((value - truth)**2)):.2g}", f"{np.mean(high - low) / (2.0 * 1.645):.2g}")
-              if len(value) else ("", "")), f"{seconds:.1f}"]
+            _share([bool(one.covered) for one in found if one.right]), _share((low <= truths) & (truths <= high)),
+            *off, f"{np.mean([line['events'][name]['seconds'] for line in lines]):.1f}"]
 
 
-def _share(answers: Sequence[bool]) -> str:
-    if not answers:
-        return "-"
-    low, high = binomtest(sum(map(bool, answers)), len(answers)).proportion_ci()
-    return f"{sum(map(bool, answers))} of {len(answers)} ({low:.2f} to {high:.2f})"
+def _share(answers: Sequence[bool] | np.ndarray) -> str:
+    yes, of = int(np.sum(answers)), len(answers)
+    return "{} of {} ({:.2f} to {:.2f})".format(yes, of, *binomtest(yes, of).proportion_ci()) if of else "-"
 
 
 def main() -> int:
