@@ -456,12 +456,15 @@ def _size(drawn: Drawn, finding: Finding, measured: Measured) -> dict[str, Any]:
 
 
 def change_of(named: Mapping[str, Any], parameter: str) -> tuple[float, float, float] | None:
-    """Return (value, low90, high90) of a named term's change of what was believed; None where no interval is given."""
+    """Return (value, low90, high90) of a named term's change of what was believed; None where no interval is given.
+
+    value: nan where claims state the interval alone.
+    """
     given = named.get("change") or (named.get("parameters") or {}).get(parameter)
     if given is None or given["low90"] is None:
         return None
     before = 0.0 if named.get("change") else named.get("believed") or 0.0
-    return given["value"] - before, given["low90"] - before, given["high90"] - before
+    return given.get("value", np.nan) - before, given["low90"] - before, given["high90"] - before
 
 
 def named_decoy(mark: Mark) -> bool | None:
