@@ -39,7 +39,8 @@ class Flaw(NamedTuple):
 class Cause(NamedTuple):
     """A slip: the data with it undone, how rare it is [nats], and what to call some rows alone that have it.
 
-    sure: how many times the usual evidence refuses it; inf: it may well be so, and is only warned of.
+    sure: how many times the usual evidence refuses it; inf: it may well be so, and is only warned of; mixed: some rows
+    have it.
     """
 
     flaw: Flaw
@@ -47,25 +48,19 @@ class Cause(NamedTuple):
     rare: float
     single: str = ""
     sure: float = 1.0
+    mixed: bool = False
 
 
-class Quantity(NamedTuple):
-    """A row of slips.toml: usual size, deviations of its log below and above, the check that judges it, its units."""
-
-    check: str
-    usual: float = math.nan
-    below: float = 1.0
-    above: float = 1.0
-    units: str = ""
-    rare: float = 0.0
-    needs: tuple[str, ...] = ()       # what else must be known
-    own: str = ""                     # of the rig's: unit that it is read in
-
-
-QUANTITIES = {key: Quantity(**row) for key, row in TABLE["quantities"].items()}
-OF_RIG = [{"of": [key], "check": about.check, "needs": about.needs, "times": factor, "rare": about.rare,
-           "what": f"this looks like {unit}: {{size:.3g}} {about.own}"} for key, about in QUANTITIES.items()
-          if "." in key for unit, (_, factor) in UNITS.get(about.units, {}).items() if factor != 1.0] + TABLE["rig"]
+QUANTITIES: dict[str, dict[str, Any]] = TABLE["quantities"]
+# rows of units of the rig's numbers and of tracks, beside the other slips of these
+OF_RIG = [{**about, "of": [key], "times": factor, "what": f"this looks like {unit}: {{size:.3g}} {about['own']}"}
+          for key, about in QUANTITIES.items() if "own" in about
+          for unit, (_, factor) in UNITS[about["units"]].items() if factor != 1.0] + TABLE["rig"]
+OF_TRACKS = [{"of": [f"{axis}_m" for axis in axes], "check": "gravity", "rare": rare, "single": single,
+              "what": f"these look like {unit}: rename " + ", ".join(f"{axis}_m to {axis}_{suffix}" for axis in axes),
+              "matrix": np.diag([metres if axis in axes else 1.0 for axis in "xyz"])}
+             for unit, (suffix, metres) in UNITS["length"].items() if metres != 1.0
+             for axes, rare, single in (("xyz", 0.0, unit), ("z", 2.0, ""))] + TABLE["tracks"]
 
 
 def unusual(dataset: Dataset) -> dict[str, float]:
@@ -80,16 +75,17 @@ def unusual(dataset: Dataset) -> dict[str, float]:
             "rim of all": around * np.sqrt(sum(shots.number(name)**2 for name in SPIN_VECTOR)),
             **{f"motor of {wheel.name}": shots.number(f"wheel_{wheel.name}_rad_s") / (motor * wheel.gear)
                for wheel in rig.launcher.wheel}, "allowed": _by_allowed(dataset)}
-    found |= {key: value_of(dataset, key) if "." in key else shots.number(key) for key in QUANTITIES.keys() - found}
+    found |= {key: value_of(dataset, key) if "." in key else shots.number(key)
+              for key in QUANTITIES if key not in found}
     if rig.target is None:            # balls may be dropped from a tower
         del found["launcher.release_height_m"]
     nats = {}
     for key, value in found.items():
         about = QUANTITIES[key.partition(" of")[0]]
         size = float(np.nanmedian(np.abs(value))) if np.isfinite(value).any() else 0.0
-        if size > 0.0 and not math.isnan(about.usual):
-            off = math.log(min(max(size, 1e-12), 1e12) / about.usual)
-            nats[key] = min(0.5 * (off / (about.below if off < 0.0 else about.above))**2, 100.0)
+        if size > 0.0 and "usual" in about:
+            off = math.log(min(max(size, 1e-12), 1e12) / about["usual"])
+            nats[key] = min(0.5 * (off / about["below" if off < 0.0 else "above"])**2, 100.0)
     return nats
 
 
@@ -142,7 +138,7 @@ def causes(reading: Reading) -> Iterator[Cause]:
     if known & {"wheel", "motor_ratio"} and "exit_speed_m_s" not in shots.numbers:
         known.add("by wheels")
     for key, about in QUANTITIES.items():
-        if about.units and key in known:
+        if "units" in about and groups.get(key):
             yield from _units(reading, groups[key], about)
     for kind, rows in ((_of_rig, OF_RIG), (_of_shots, TABLE["shots"])):
         for row in rows:
@@ -152,12 +148,16 @@ def causes(reading: Reading) -> Iterator[Cause]:
         yield from _of_tracks(reading, reading.motion)
 
 
+def _cause(row: dict[str, Any], place: str, undone: Reading, *names: str, **said: Any) -> Cause:
+    return Cause(Flaw(row["check"], place, row["what"].format(*names, **said)), undone, row["rare"],
+                 row.get("single", ""), row.get("sure", 1.0))
+
+
 def _of_rig(reading: Reading, row: dict[str, Any], groups: dict[str, list[str]]) -> Iterator[Cause]:
     for key in row["of"]:
         if not math.isnan(size := value_of(reading.dataset, key)):
             by = row["times"].__mul__ if "times" in row else lambda old: old and 1.0 / old
-            yield Cause(Flaw(row["check"], f"rig.toml: {key}", row["what"].format(size=by(size))),
-                        _with_rig(reading, key, by), row["rare"], sure=row.get("sure", 1.0))
+            yield _cause(row, f"rig.toml: {key}", _with_rig(reading, key, by), size=by(size))
 
 
 def _of_shots(reading: Reading, row: dict[str, Any], groups: dict[str, list[str]]) -> Iterator[Cause]:
@@ -170,13 +170,12 @@ def _of_shots(reading: Reading, row: dict[str, Any], groups: dict[str, list[str]
             changes = [{name: shots.number(name) * row.get("times", gears.get(name, 1.0)) + row.get("plus", 0.0)
                         for name in groups[first]}]
         for columns in changes:
-            yield Cause(Flaw(row["check"], f"{shots.source}: {', '.join(columns)}", row["what"].format(*columns)),
-                        _with_numbers(reading, columns), row["rare"], sure=row.get("sure", 1.0))
+            yield _cause(row, f"{shots.source}: {', '.join(columns)}", _with_numbers(reading, columns), *columns)
 
 
-def _units(reading: Reading, names: list[str], about: Quantity) -> Iterator[Cause]:
+def _units(reading: Reading, names: list[str], about: dict[str, Any]) -> Iterator[Cause]:
     """Yield other units for columns, in all rows or in some; heights may be those above the floor."""
-    shots, target, units = reading.dataset.shots, reading.dataset.rig.target, UNITS[about.units]
+    shots, target, units = reading.dataset.shots, reading.dataset.rig.target, UNITS[about["units"]]
     place = f"{shots.source}: {', '.join(names)}"
     written = shots.written.get(names[0], names[0]).lower()
     own = next(unit for unit, (_, factor) in units.items() if factor == 1.0)
@@ -191,11 +190,11 @@ def _units(reading: Reading, names: list[str], about: Quantity) -> Iterator[Caus
                       f"multiply them by {factor:g}")
             rename += f" or multiply it by {factor:.3g}" if unit == "radians" else ""
             # a column says its unit or, in metres, has it by default
-            yield Cause(Flaw(about.check, place, f"these look like {unit}: {rename}"), undone,
-                        about.rare + (0.5 if unit in ("metres", "turns") else 0.0), unit)
+            yield Cause(Flaw(about["check"], place, f"these look like {unit}: {rename}"), undone,
+                        about["rare"] + (0.5 if unit in ("metres", "turns") else 0.0), unit)
         if unit not in (read, "metres") and names == ["distance_m"]:
-            yield Cause(Flaw(about.check, place, f"these look like metres among {unit}"), _with_numbers(
-                reading, {"distance_m": shots.number("distance_m") / by}), about.rare + 99.0, f"metres among {unit}")
+            yield Cause(Flaw(about["check"], place, f"these look like metres among {unit}"), _with_numbers(
+                reading, {"distance_m": shots.number("distance_m") / by}), about["rare"] + 99.0, f"metres among {unit}")
         if names == ["miss_height_m"] and target is not None:
             above = undone.dataset.shots.number("miss_height_m") - target.centre_height_m
             if abs(float(np.nanmedian(above))) < max(TALLEST * target.centre_height_m, target.two_half_height_m):
@@ -207,13 +206,6 @@ def _units(reading: Reading, names: list[str], about: Quantity) -> Iterator[Caus
 
 def _of_tracks(reading: Reading, motion: Motion) -> Iterator[Cause]:
     """Yield other units, axes, origins and times of tracks, and tracks of the wrong shots."""
-    for unit, (suffix, metres) in UNITS["length"].items():
-        for axes, rare in (("xyz", 0.0), ("z", 2.0)) if metres != 1.0 else ():
-            rename = ", ".join(f"{axis}_m to {axis}_{suffix}" for axis in axes)
-            yield Cause(Flaw("gravity", f"tracks: {', '.join(f'{axis}_m' for axis in axes)}",
-                             f"these look like {unit}: rename {rename}"), reading._replace(motion=motion.read(np.diag(
-                                 [metres if axis in axes else 1.0 for axis in "xyz"]))), rare,
-                        unit if axes == "xyz" else "")
     turn = math.atan2(*np.median(motion.to_m - motion.from_m, axis=0)[1::-1])
     cosine, sine = math.cos(turn), math.sin(turn)
     back = motion.from_m[:, 0] / np.where(motion.start_m_s[:, 0] > 0.0, motion.start_m_s[:, 0], np.inf)
@@ -228,10 +220,11 @@ def _of_tracks(reading: Reading, motion: Motion) -> Iterator[Cause]:
     if stated or reading.dataset.rig.target is not None:          # else the height of a tower, maybe, is not stated
         name = "unstated" if stated == 0.0 else "from exit" if abs(z) < NEAR * stated else "another height"
         undone[name] = motion.read(same, by_m=np.array([0.0, 0.0, stated - z]))
-    for row in TABLE["tracks"]:
-        for rate in row.get("per_s", [1.0]) if "name" not in row or row["name"] in undone else ():
-            yield Cause(Flaw(row["check"], f"tracks: {', '.join(row['of'])}", row["what"].format(
-                degrees=abs(math.degrees(turn)), side="left" if turn > 0.0 else "right", y=y, z=z, stated=stated,
-                behind=behind, rate=rate)), reading._replace(motion=undone.get(row.get("name", "")) or motion.read(
-                    np.array(row.get("matrix", same)), row.get("seconds", 1.0) / rate)), row["rare"],
-                row.get("single", ""))
+    said = {"degrees": abs(math.degrees(turn)), "side": "left" if turn > 0.0 else "right", "y": y, "z": z,
+            "stated": stated, "behind": behind}
+    for row in OF_TRACKS:
+        for rate in row.get("per_s", [1.0]):
+            read = undone.get(row["name"]) if "name" in row else motion.read(
+                np.array(row.get("matrix", same)), row.get("seconds", 1.0) / rate)
+            if read is not None:
+                yield _cause(row, f"tracks: {', '.join(row['of'])}", reading._replace(motion=read), rate=rate, **said)

@@ -18,7 +18,7 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import too_large
 from truearc.sim.check import believable
 from truearc.sim.check.believable import Fit, Reading, Rows, explain, judged_shots, rows_of
-from truearc.sim.check.causes import TABLE, UNITS, Cause, Flaw, causes, unusual, value_of
+from truearc.sim.check.causes import TABLE, UNITS, Flaw, causes, unusual, value_of
 from truearc.sim.check.motion import TRACKS, jolts, measure_motion
 from truearc.sim.data.dataset import Dataset, Floats, Times
 from truearc.sim.data.table import SPIN_VECTOR
@@ -85,11 +85,6 @@ def _placed(objection: Flaw, shots: str) -> str:
     return f"{folder}/{objection._replace(place=objection.place.replace(table, file, 1))}"
 
 
-def judges_reach(dataset: Dataset) -> bool:
-    """Whether enough shots score, with known distance, angle and speed, to compare these with each other."""
-    return len(judged_shots(dataset)) >= believable.SCORES
-
-
 def _objections(dataset: Dataset) -> Iterator[Flaw]:
     unmeasured = list(_unmeasured(dataset))
     yield from unmeasured
@@ -111,7 +106,10 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
 def _judged(reading: Reading) -> Iterator[Flaw]:
     """Yield the likeliest slip if, undone, it lets believable physics explain the data better than as recorded."""
     judged = judged_shots(reading.dataset)
-    as_recorded = rows_of(reading, judged, unusual(reading.dataset))
+
+    def told(undone: Reading, shots: np.ndarray, rough: bool = False) -> Rows:
+        return rows_of(undone, shots, sum(unusual(undone.dataset).values()), rough)
+    as_recorded = told(reading, judged)
     known = explain([as_recorded])
     yield from _topspin(reading, as_recorded, known)
     if known.surprise < EXPECTED:
@@ -119,33 +117,31 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
     # the shots that are farthest off, and as many others, tell which slips are promising
     odd = np.argsort(-np.abs(known.rest[:len(judged)]))[:FEW // 2]
     few = judged[np.unique(np.append(odd, np.linspace(0, len(judged) - 1, min(FEW, len(judged))).astype(int)))]
-    as_few = rows_of(reading, few, unusual(reading.dataset), rough=True)
-    stated = sum(as_few.unusual.values())
-    every = [(stated + MIXED if some else sum(unusual(cause.undone.dataset).values()) + cause.rare, place, cause, some)
-             for place, cause in enumerate(causes(reading)) for some in ((False, True) if cause.single else (False,))]
-    tried: list[tuple[float, int, Cause, bool]] = []
+    as_few = told(reading, few, rough=True)
+    every = [cause for one in causes(reading) for cause in (
+        (one, one._replace(rare=MIXED, mixed=True)) if one.single else (one,))]
+    unlikely = [cause.rare + (as_few.unusual if cause.mixed else sum(unusual(cause.undone.dataset).values()))
+                for cause in every]
+    tried: list[tuple[float, int]] = []
     best = as_recorded_few = explain([as_few], [known.values], 0).score
-    for unlikely, place, cause, some in sorted(every, key=lambda one: one[:2]):
+    for place in sorted(range(len(every)), key=unlikely.__getitem__):
         # even where it explained all else, it would not be the best
-        if unlikely > known.lower - (best - as_recorded_few) + SLACK:
+        if unlikely[place] > known.lower - (best - as_recorded_few) + SLACK:
             break
-        rows = rows_of(cause.undone, few, unusual(cause.undone.dataset), rough=True)
-        score = explain([as_few, rows] if some else [rows], [known.values], 1, 1).score
-        score -= MIXED if some else cause.rare
-        tried.append((score, -place, cause, some))
+        undone = [*[as_few] * every[place].mixed, told(every[place].undone, few, rough=True)]
+        score = explain(undone, [known.values], 1, 1).score - every[place].rare
+        tried.append((score, -place))
         best = max(best, score)
-    tried = sorted(tried, reverse=True, key=lambda one: one[:2])[:PROMISING]
     found: list[tuple[float, float, Flaw]] = []
-    for _, _, cause, some in tried:
-        rows, flaw = rows_of(cause.undone, judged, unusual(cause.undone.dataset)), cause.flaw
-        fit = explain([as_recorded, rows] if some else [rows], [known.values])
-        if some:
-            if len(fit.otherwise) < (2 if cause.undone.dataset is not reading.dataset else 1):
-                continue
+    for cause in (every[-place] for _, place in sorted(tried, reverse=True)[:PROMISING]):
+        fit, flaw = explain([*[as_recorded] * cause.mixed, told(cause.undone, judged)], [known.values]), cause.flaw
+        if cause.mixed and len(fit.otherwise) < (1 if cause.undone.dataset is reading.dataset else 2):
+            continue
+        if cause.mixed:
             ids = _listed([reading.dataset.shots.shot_id[row] for row in fit.otherwise])
             flaw = flaw._replace(what=f"{len(fit.otherwise)} of {len(set(as_recorded.whose))} judged look like "
                                  f"{cause.single}: convert these: {ids}")
-        found.append((fit.score - known.score - (MIXED if some else cause.rare), cause.sure, flaw))
+        found.append((fit.score - known.score - cause.rare, cause.sure, flaw))
     found.sort(reverse=True)
     gain, sure, flaw = found[0] if found else (-math.inf, 1.0, Flaw("", "", ""))
     if gain > LIKELIER:
