@@ -137,7 +137,7 @@ def elevation_deg(dataset: Dataset) -> Floats:
 
 def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: float, rough: bool = False) -> Rows:
     """Rows of a dataset; as many, in the same order, for every reading of it. rough: for a first look."""
-    parts = []
+    parts: list[Any] = [(lambda theta: (np.zeros((len(theta), 0)),) * 2, [], np.zeros(0, dtype=int), [])]
     if len(judged):
         flown, wide = _of_shots(reading.dataset, judged, ROUGH if rough else (STEPS, TURNS))
         parts.append((flown, wide, judged, np.full(len(judged), min(1.0, FULL / len(judged)))))
@@ -145,9 +145,6 @@ def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: float, rou
         own = reading.motion.shot
         parts.append((_of_tracks(reading.dataset, reading.motion), np.zeros(10 * len(own)), np.tile(own, 10),
                       np.full(10 * len(own), min(1.0, FULL / 2.0 / len(own)))))
-    if not parts:
-        return Rows(lambda theta: (np.zeros((len(theta), 0)),) * 2, np.zeros(0), np.zeros(0, dtype=int), np.zeros(0),
-                    unusual)
     functions, wides, whose, weights = zip(*parts, strict=True)
 
     def residuals(theta: Floats) -> tuple[Floats, Floats]:
@@ -313,7 +310,7 @@ def _judge(readings: Sequence[Rows], theta: Floats) -> Judged:
     best, lane = cost.argmin(axis=0), np.arange(len(theta))
     picked = which[best, lane][:, place]
     off = np.choose(picked, offs)
-    width = np.choose(picked, [one[best if len(one) > 1 else 0 * best, lane] for one in widths])
+    width = np.choose(picked, [one[best, lane] for one in widths])
     curve = readings[0].weight * (FREEDOM + 1.0) / (FREEDOM + (off / width)**2) / width**2
     score = -cost[best, lane] - 0.5 * (theta**2).sum(axis=1) - readings[0].unusual
     return Judged(score, off, curve, picked, off / width, spread[best])

@@ -257,10 +257,10 @@ def beyond(of: str, values: Floats, said: Callable[[dict[str, Any], int], dict[s
         wrong = np.flatnonzero((values < row.get("least", -math.inf)) | (values > row.get("most", math.inf)))
         if row["of"] == of and len(wrong):
             value, words = values[wrong[0]], {"number": 1.0, "todo": "", **said(row, int(wrong[0]))}
-            units = [row["looks"].format(unit=unit, number=words["number"] * size)
+            units = [row.get("each", "{unit}").format(unit=unit, number=words["number"] * size)
                      for unit, (_, size) in UNITS.get(row.get("units", ""), {}).items()
                      if row["likely"][0] < value * size**row["power"] < row["likely"][1]]
-            looks = " or ".join(units) or row.get("otherwise")
+            looks = row["looks"].format(units=" or ".join(units)) if units else row.get("otherwise")
             what = row["what"].format(value=value, count=len(wrong), looks=looks, **words) + words["todo"]
             yield Flaw(row["check"], words["place"], what, row.get("warns", False))
             return
