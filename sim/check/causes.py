@@ -220,8 +220,8 @@ def _of_tracks(reading: Reading, motion: Motion) -> Iterator[Cause]:
     if stated or reading.dataset.rig.target is not None:          # else the height of a tower, maybe, is not stated
         name = "unstated" if stated == 0.0 else "from exit" if abs(z) < NEAR * stated else "another height"
         undone[name] = motion.read(same, by_m=np.array([0.0, 0.0, stated - z]))
-    said = {"degrees": abs(math.degrees(turn)), "side": "left" if turn > 0.0 else "right", "y": y, "z": z,
-            "stated": stated, "behind": behind}
+    said: dict[str, Any] = {"degrees": abs(math.degrees(turn)), "side": "left" if turn > 0.0 else "right", "y": y,
+                            "z": z, "stated": stated, "behind": behind}
     for row in OF_TRACKS:
         for rate in row.get("per_s", [1.0]):
             read = undone.get(row["name"]) if "name" in row else motion.read(

@@ -256,7 +256,8 @@ def beyond(of: str, values: Floats, said: Callable[[dict[str, Any], int], dict[s
     for row in TABLE["limits"]:
         wrong = np.flatnonzero((values < row.get("least", -math.inf)) | (values > row.get("most", math.inf)))
         if row["of"] == of and len(wrong):
-            value, words = values[wrong[0]], {"number": 1.0, "todo": "", **said(row, int(wrong[0]))}
+            value = values[wrong[0]]
+            words: dict[str, Any] = {"number": 1.0, "todo": "", **said(row, int(wrong[0]))}
             units = [row.get("each", "{unit}").format(unit=unit, number=words["number"] * size)
                      for unit, (_, size) in UNITS.get(row.get("units", ""), {}).items()
                      if row["likely"][0] < value * size**row["power"] < row["likely"][1]]
