@@ -1,11 +1,12 @@
 """The aim of a trial: set points from a deliberately spread plan, and the effect of the driver's buttons.
 
 The plan is a low-discrepancy sequence, so a replay needs no random state. Speeds come from vacuum ballistics divided by
-an efficiency, which the driver's high and low marks correct, as a crew does by hand when it walks shots in (a
-Robbins-Monro walk on log speed: a level, and slopes in distance and elevation). Prescribed shots replace the plan.
+an efficiency. The driver's high and low marks correct the efficiency, as a crew does by hand when it walks shots in (a
+Robbins-Monro walk on log speed: a level, and slopes in distance and elevation). If shots are prescribed, they replace
+the plan.
 
-With `aim.policy = "belief"` the set points come from the aim file, and the driver's marks correct only the level.
-Buttons arm, request a shot and mark its outcome.
+With `aim.policy = "belief"` the set points come from the aim file, and the driver's marks correct only the level. The
+buttons arm the robot, request a shot and mark its outcome.
 """
 
 import math
@@ -165,9 +166,10 @@ def _row(trial: int, collect: Collect) -> Prescribed | None:
 
 def surface_m_s(config: Config) -> float:
     """Return the mean surface speed of the wheels at the motors' free speed (Eq. 11 of the paper)."""
-    launcher = config.rig.launcher
-    speeds = [wheel.radius_m * wheel.gear * (launcher.free_speed_rad_s or 0.0) for wheel in launcher.wheel]
-    return sum(speeds) / len(speeds)
+    wheels, free, total = config.rig.launcher.wheel, config.rig.launcher.free_speed_rad_s or 0.0, 0.0
+    for wheel in wheels:
+        total += wheel.radius_m * wheel.gear * free
+    return total / len(wheels)
 
 
 def walked(walk: Walk, distance_m: float, hood_deg: float) -> float:

@@ -1,6 +1,6 @@
-"""Turns Aim and Verdict into a Command: flywheel and hood loops, homing, and one ball per feed request.
+"""Control, which turns Aim and Verdict into a Command: flywheel and hood loops, homing, one ball per feed request.
 
-An axis that truearc.robot.motion has released is not enabled; an axis that is not yet under control gets no torque.
+An axis that truearc.robot.motion has released is not enabled. An axis that is not yet under control gets no torque.
 """
 
 import math
@@ -37,9 +37,10 @@ def step_pid(gains: PidGains, memory: Pid, setpoint: float, measurement: float, 
     raw_rate = (measurement - memory.measurement) / dt_s if memory.primed else 0.0
     rate = memory.rate + (raw_rate - memory.rate) * dt_s / (gains.derivative_tau_s + dt_s)
     integral = memory.integral + gains.ki * error * dt_s
-    integral = min(max(integral, -gains.integral_limit), gains.integral_limit)
+    most = gains.integral_limit
+    integral = -most if integral < -most else most if integral > most else integral
     wanted = feedforward + gains.kp * error + integral - gains.kd * rate
-    output = min(max(wanted, low), high)
+    output = low if wanted < low else high if wanted > high else wanted
     if (wanted - output) * error > 0.0:
         integral = memory.integral
     return output, Pid(integral, measurement, rate, True)
@@ -128,8 +129,9 @@ def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, watched: Wat
         return 0.0
     hood, joint, t_ns, old_s = config.hood, watched.hood, inputs.t_ns, config.gate.reading_age_s
     speed_age_s = age_s = (t_ns - inputs.hood_motor.t_ns) * NS
-    if inputs.hood_angle is not None and config.hood_encoder.is_heard:
-        age_s = max(age_s, (t_ns - inputs.hood_angle.t_ns) * NS)
+    angle = inputs.hood_angle
+    if angle is not None and config.hood_encoder.is_heard and angle.t_ns < inputs.hood_motor.t_ns:
+        age_s = (t_ns - angle.t_ns) * NS
     sign = 1.0 if torque_nm > 0.0 else -1.0
     deg_per_rad = watched.deg_per_rad or elevation_per_rad(here_deg(estimate, hood), hood)
     screw_deg_s = sign * inputs.hood_motor.velocity_rad_s * deg_per_rad

@@ -168,11 +168,10 @@ def _velocity(inputs: Inputs, sighting: Sighting | None, config: Config) -> Velo
 
 
 def _oldest_s(inputs: Inputs, config: Config) -> float:
-    oldest_ns = min(inputs.hood_motor.t_ns, inputs.feeder.t_ns)
-    for motor in inputs.flywheels:
-        oldest_ns = min(oldest_ns, motor.t_ns)
+    stamps_ns = [inputs.hood_motor.t_ns, inputs.feeder.t_ns, *[motor.t_ns for motor in inputs.flywheels]]
     if config.hood_encoder.is_heard:
-        oldest_ns = min(oldest_ns, inputs.hood_angle.t_ns if inputs.hood_angle else 0)
+        stamps_ns.append(inputs.hood_angle.t_ns if inputs.hood_angle else 0)
+    oldest_ns = min(stamps_ns)
     return (inputs.t_ns - oldest_ns) * NS
 
 
@@ -228,8 +227,7 @@ def _motor(which: str | int, axis: Axis, motor: MotorReading, t_ns: int, gate: G
     if motor.errors_t_ns is not UNSET and (missing := _no_fault_report(_name(which), motor.errors_t_ns, t_ns,
                                                                        ERRORS_S)):
         found.append(missing)
-    if not (math.isfinite(motor.position_rad) and math.isfinite(motor.velocity_rad_s)
-            and math.isfinite(motor.current_a) and math.isfinite(motor.bus_v)):
+    if not math.isfinite(motor.position_rad + motor.velocity_rad_s + motor.current_a + motor.bus_v):
         return [*found, because.MOTOR_NOT_FINITE(motor=_name(which))]
     family = family_of(axis)
     if errors := family.errors(axis, motor):

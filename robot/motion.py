@@ -1,9 +1,10 @@
-"""The motion interlocks: whether wheels and hood may be driven, and if not, why. Pure, like truearc.robot.tick.
+"""The motion interlocks, which decide whether wheels and hood may be driven, and if not, why.
 
-A missing, stale or faulty reading releases its axis until readings have been good for RECOVER_S. A motion that
-contradicts the torque, or two sensors that contradict each other, release it until the operator disarms and arms again;
-so do REPEATS releases within REPEAT_NS. Each tick compares the readings with the torque of the previous tick. The
-feeder is driven only briefly; while its readings are in doubt it gets no torque, but it is not released.
+The interlocks are pure, like truearc.robot.tick. A missing, stale or faulty reading releases its axis until readings
+have been good for RECOVER_S. A motion that contradicts the torque, or two sensors that contradict each other, release
+the axis until the operator disarms and arms again; so do REPEATS releases within REPEAT_NS. Each tick compares the
+readings with the torque of the previous tick. The feeder is driven only briefly; while its readings are in doubt it
+gets no torque, but it is not released.
 """
 
 import math
@@ -129,7 +130,7 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     deg_per_rad = (motors.elevation_per_rad(here_deg(estimate, config.hood), config.hood)
                    if last.hood_torque_nm else 0.0)
     # another controller's motors are not moved by our torques, nor released by us
-    owns_wheels = any([family_of(axis).is_commanded for axis in axes.flywheels])
+    owns_wheels = family_of(axes.flywheels[0]).is_commanded      # all of them, or none
     owns_hood = family_of(axes.hood).is_commanded
     if owns_wheels:
         wheels, cause = _wheels(inputs, wanted.wheels_rad_s, wheels, last.flywheel_torque_nm, config)

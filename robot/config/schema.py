@@ -265,6 +265,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     @property
     def driving(self) -> named_tables.Driving | None:
         """What the tick must know of a robot that reports its motion; None: it must stand still to shoot."""
+        if not self.readings:
+            return None
         found = next((table["velocity"] for table in self.readings.values() if "velocity" in table), None)
         return found and named_tables.Driving(found["most_m_s"], found["pointing_deg"], found.get("delay_s", 0.0))
 
