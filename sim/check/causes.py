@@ -98,7 +98,7 @@ def _by_allowed(dataset: Dataset) -> float:
     allowed = np.array([half.get(word, 0.5) + 0.03 for word in dataset.shots.text("outcome")])
     most = float(np.sqrt(np.nanmean((height / allowed)**2)))
     spread = float(np.nanstd(height) / np.median(allowed))
-    aside = abs(float(np.nanmedian(height))) / np.nanstd(height) / 3.0 if spread > 1e-9 * most else 0.0
+    aside = abs(float(np.nanmedian(height))) / float(np.nanstd(height)) / 3.0 if spread > 1e-9 * most else 0.0
     return most if aside == 0.0 else max(most, 1.0) * max(aside, 1.0) if max(most, aside) > 1.0 else spread
 
 
