@@ -14,9 +14,10 @@ import truearc as ta
 from tests.sim.check.foam import GEARED, WHEELS, ball, by_motor, faster, numbers, season, tracks, wheels
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import Tracker, Wheel
+from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Tracker, Wheel
 from truearc.sim.check.believable import needed_speed
-from truearc.sim.check.check import check_plausible
+from truearc.sim.check.causes import TABLE
+from truearc.sim.check.check import CHECKS, check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import load_dataset, save_dataset
 from truearc.sim.infer.belief import point_belief
@@ -315,3 +316,11 @@ def test_one_shot_with_a_wrong_speed_makes_no_other_angle_likelier(table: Datase
     assert check_plausible(table).accepted == ()
     (said,) = check_plausible(numbers(table, **slow)).accepted
     assert f"say: {table.shots.shot_id[4]}; make sure of these rows" in said
+
+
+def test_the_table_of_slips_agrees_with_the_checks_and_with_limits_of_rigs() -> None:
+    rows = [*TABLE["shots"], *TABLE["rig"], *TABLE["tracks"], *TABLE["limits"], *TABLE["remarks"].values(),
+            *TABLE["quantities"].values()]
+    assert {row["check"] for row in rows} | {*TABLE["checks"].values()} <= {*CHECKS}
+    assert TABLE["checks"].keys() - {"launcher.wheel.clock_deg"} == MOST.keys() - {"ball.radius_m"}
+    assert max(row["most"] for row in TABLE["limits"] if row["of"] == "ball" and "most" in row) == DENSEST_KG_M3
