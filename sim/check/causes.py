@@ -225,6 +225,6 @@ def _of_tracks(reading: Reading, motion: Motion) -> Iterator[Cause]:
     for row in OF_TRACKS:
         for rate in row.get("per_s", [1.0]):
             read = undone.get(row["name"]) if "name" in row else motion.read(
-                np.array(row.get("matrix", same)), row.get("seconds", 1.0) / rate)
+                np.array(row.get("matrix", same), dtype=float), row.get("seconds", 1.0) / rate)
             if read is not None:
                 yield _cause(row, f"tracks: {', '.join(row['of'])}", reading._replace(motion=read), rate=rate, **said)
