@@ -66,26 +66,24 @@ def ask(name: str, data: Path, folder: Path) -> tuple[str, ...]:
 def forecast(name: str, folder: Path) -> tuple[str, ...]:
     """How far ends of tracks are from forecasts, by truearc, a plain fit and gravity; and how many are in the band."""
     dataset, laws = ta.load_dataset(folder / name), LAWS[name]
-    flights = gather_flights(dataset)
-    ours, inside, plain, n = [], [], np.zeros(len(flights)), len(flights)
-    assert dataset.tracks is not None
-    end_m = {dataset.shots.shot_id[row]: dataset.tracks.z_m[where[-1]] for row, where in dataset.tracks.by_shot()}
+    flights, said, side = gather_flights(dataset), {}, np.arange(len(dataset.shots)) % 2
+    plain, tracks = np.zeros(len(flights)), dataset.tracks
+    assert tracks is not None
     for half in (0, 1):
-        out = np.arange(n) % 2 == half
-        belief = ta.fit(dataset.take(np.flatnonzero(~out).tolist()), ["gravity", *laws]).belief
-        ends = {row[0]: row for row in ta.predict(dataset.take(np.flatnonzero(out).tolist()), belief,
-                                                  tracks=FORECAST).rows}
-        ours += [ends[shot][4] - end_m[shot] for shot in ends]
-        inside += [abs(ends[shot][4] - end_m[shot]) < ends[shot][7] for shot in ends]
+        mine, other = (np.flatnonzero(side == one).tolist() for one in (half, 1 - half))
+        belief = ta.fit(dataset.take(other), ["gravity", *laws]).belief
+        said |= {row[0]: row for row in ta.predict(dataset.take(mine), belief, tracks=FORECAST).rows}
 
-        def off(weights: np.ndarray, laws: tuple[str, ...] = laws) -> np.ndarray:
-            return end_errors(flights, laws, np.tile(weights, (n, 1)))
+        def off(weights: np.ndarray) -> np.ndarray:
+            return end_errors(flights, laws, np.tile(weights, (len(flights), 1)))
 
-        # nearly linear in the coefficients: more steps change nothing
-        fitted = least_squares(lambda weights, kept=~out: off(weights)[kept], np.full(len(laws), 0.1), max_nfev=3)
-        plain[out] = off(fitted.x)[out]
-    errors = (np.array(ours), plain, end_errors(flights, (), np.zeros((n, 0))))
-    return (SETS[name][0], *(f"{1000.0 * rms(one):.1f} mm" for one in errors), f"{sum(inside)} of {n}")
+        # all but linear in the coefficients: more steps change nothing
+        plain[mine] = off(least_squares(lambda one, kept=other: off(one)[kept], np.ones(len(laws)), max_nfev=4).x)[mine]
+    ends = [(dataset.shots.shot_id[row], tracks.z_m[where[-1]]) for row, where in tracks.by_shot()]
+    ours = np.array([(said[shot][4] - z_m, said[shot][7]) for shot, z_m in ends]).T
+    errors = (ours[0], plain, end_errors(flights, (), np.zeros((len(flights), 0))))
+    return (SETS[name][0], *(f"{1000.0 * rms(one):.1f} mm" for one in errors),
+            f"{(np.abs(ours[0]) < ours[1]).sum()} of {len(ends)}")
 
 
 def main() -> int:

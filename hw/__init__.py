@@ -1,1 +1,1 @@
-"""Hardware interfaces: protocols, frames, devices and clocks, real or emulated. Nothing here depends on a launcher."""
+"""Hardware interfaces: protocols, frames, devices and clocks, real or emulated. They do not depend on a launcher."""

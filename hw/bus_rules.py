@@ -1,8 +1,8 @@
 """The rules of a CAN bus: the frames that may be sent, their rates, and the owners of received frames.
 
-`AllowedBus` refuses every frame that is not on the allow list. It is independent of the sender, so a faulty controller
-cannot get past it. `MonitoredBus` counts unknown frames, and reports a second host and two devices with the same id.
-`Rules` are the contribution of one device to both.
+`AllowedBus` refuses every frame that is not on the allow list. It does not depend on the sender, so a faulty controller
+cannot bypass it. `MonitoredBus` counts unknown frames, and reports a second host or two devices with the same id. A
+`Rules` object is one device's contribution to both.
 """
 
 from collections import Counter, deque

@@ -1,7 +1,8 @@
-"""Converts between physical values and frame bytes, as defined by the DBC files in `hw/dbc`. The only user of cantools.
+"""Conversion between physical values and frame bytes, as defined by the DBC files in `hw/dbc`.
 
-Most messages here consist of whole little-endian bytes without scaling. They are packed with the equivalent `struct`
-format, which is three times faster than cantools and tested to give the same bytes.
+This is the only module that uses cantools. Most of the messages defined here consist of whole little-endian bytes
+without scaling. These are packed with the equivalent `struct` format, which is three times faster than cantools and is
+tested to give the same bytes.
 """
 
 import functools

@@ -1,4 +1,7 @@
-"""Codes for faults of wires and devices. Fields and units: truearc.hw.reason.Code."""
+"""The codes for faults of wires and devices.
+
+Their fields and units are described in truearc.hw.reason.Code.
+"""
 
 from truearc.hw.reason import Code, index
 

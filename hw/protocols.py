@@ -1,4 +1,4 @@
-"""Interfaces to wires, cameras, clocks and motors, real or emulated; frames and device readings in SI units."""
+"""Interfaces to wires, cameras, clocks and motors, real or emulated. Frames and device readings are in SI units."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol

@@ -1,7 +1,8 @@
-"""Reasons for a HOLD, fault or refusal, each a code with parameters. Only the outermost layers turn them into text.
+"""Reasons for a HOLD, a fault or a refusal, each of which is a code with parameters.
 
-A Code declares the parameters and log text of one kind of reason; calling it makes a Reason. Codes of wires and devices
-are in `truearc.hw.fault_codes`, the robot's in `truearc.robot.reasons`. A Message is the text for the driver.
+Only the outermost layers turn reasons into text. A Code declares the parameters and the log text of one kind of reason;
+calling it makes a Reason. The codes for wires and devices are in `truearc.hw.fault_codes`, and those for the robot are
+in `truearc.robot.reasons`. A Message holds the text that the driver sees.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Export of trained weights to ONNX, and the permitted difference in probability between graph and trainer."""
+"""Export of trained weights to ONNX, and the permitted difference in probability between a graph and its trainer."""
 
 # Sums of eight float32 products behind two sigmoids; a network trained a hundred times longer than the default, with
 # weights of 50, differs by 6e-6. More than this is another network, not another rounding.

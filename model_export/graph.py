@@ -1,4 +1,4 @@
-"""Conversion of weights of any kind to a stamped float32 ONNX graph."""
+"""Conversion of trained weights of any kind to a stamped float32 ONNX graph."""
 
 import json
 import sys

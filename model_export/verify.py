@@ -1,4 +1,4 @@
-"""Verification of an exported gate and its agreement with its trainer; its probabilities for the shots of a dataset."""
+"""Checks of an exported gate and its agreement with its trainer, and its probabilities for the shots of a dataset."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

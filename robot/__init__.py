@@ -1,1 +1,1 @@
-"""The robot's side: the control tick, its rigs, its gate and its recording."""
+"""The code that runs on the robot: the control tick, its rigs, its gate and its recording."""

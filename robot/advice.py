@@ -1,8 +1,9 @@
-"""One tick of advice about a launcher that another program drives. Pure, like truearc.robot.tick, so a replay is exact.
+"""One tick of advice about a launcher that another program drives.
 
-The verdict comes from truearc.robot.verdict, without the interlocks of motors that truearc does not drive. FIRE means
-that every key is fresh and plausible, the wheels are steady, the aim file (if any) has a set point for this distance,
-and the model agrees with the present state of the launcher, whether or not that is the set point.
+The tick is pure, like truearc.robot.tick, so a replay is exact. Its verdict comes from truearc.robot.verdict, without
+the interlocks for motors that truearc does not drive. FIRE means that every key is fresh and plausible, the wheels are
+steady, the aim file (if any) has a set point for this distance, and the model agrees with the present state of the
+launcher, whether or not that state is the set point.
 """
 
 from msgspec import UNSET

@@ -1,11 +1,12 @@
 """The aim of a trial: set points from a deliberately spread plan, and the effect of the driver's buttons.
 
 The plan is a low-discrepancy sequence, so a replay needs no random state. Speeds come from vacuum ballistics divided by
-an efficiency, which the driver's high and low marks correct, as a crew does by hand when it walks shots in (a
-Robbins-Monro walk on log speed: a level, and slopes in distance and elevation). Prescribed shots replace the plan.
+an efficiency. The driver's high and low marks correct the efficiency, as a crew does by hand when it walks shots in (a
+Robbins-Monro walk on log speed: a level, and slopes in distance and elevation). If shots are prescribed, they replace
+the plan.
 
-With `aim.policy = "belief"` the set points come from the aim file, and the driver's marks correct only the level.
-Buttons arm, request a shot and mark its outcome.
+With `aim.policy = "belief"` the set points come from the aim file, and the driver's marks correct only the level. The
+buttons arm the robot, request a shot and mark its outcome.
 """
 
 import math

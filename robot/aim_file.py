@@ -1,10 +1,10 @@
 """Set points from files: the aim file, used if `aim.policy` is "belief", and the table of prescribed shots.
 
-`truearc aim --robot` writes the aim file. It contains its own hash (truearc.robot.gate), the hash of the contract
-below, and its rig; a file that is damaged, has another contract or is for another rig is refused. Between two of its
-distances each number follows the cubic Hermite polynomial of the values and slopes at both. The arithmetic uses Python
-floats, so that a replay gives the same bits. The table (`truearc run --plan`) lists configurations to shoot exactly as
-given, in place of the robot's own plan.
+`truearc aim --robot` writes the aim file. The file contains its own hash (see truearc.robot.gate), the hash of the
+contract below, and its rig. A file that is damaged, has a different contract or is for another rig is refused. Between
+two of its distances, each number follows the cubic Hermite polynomial through the values and slopes at both. The
+arithmetic uses Python floats, so that a replay gives the same bits. The table of prescribed shots (`truearc run
+--plan`) lists configurations to shoot exactly as given, in place of the robot's own plan.
 """
 
 import csv

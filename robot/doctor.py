@@ -1,7 +1,8 @@
-"""The doctor's checks of whether the robot is fit to run. Each changes nothing and yields one line.
+"""The doctor's checks of whether the robot is fit to run. A check changes nothing and yields one line.
 
-They cover the button box, the camera, the computer, the CAN adapter, every device on the bus, the gate's model and the
-aim file. Only `set_stored` writes to devices: after confirmation it sets watchdogs and limits that the axes store.
+The checks cover the button box, the camera, the computer, the CAN adapter, every device on the bus, the gate's model
+and the aim file. Only `set_stored` writes to devices: after confirmation, it sets the watchdogs and limits that the
+axes store.
 """
 
 import contextlib

@@ -1,10 +1,10 @@
-"""The doctor's small test motion: its program, one tick of it, and the findings from it. No I/O.
+"""The doctor's small test motion: its program, one tick of it, and its findings, without I/O.
 
 Wheels and hood are first nudged with increasing torque, so that an axis with dead sensors hardly moves; an axis that
 does not respond is not driven further. Then the wheels turn at up to a few percent of their free speed, and the hood
-creeps a few degrees up, down to its limit switch, off it and back onto it. The motion is driven by the tick of system
-identification; this module adds the checks that it lacks. Any doubt ends the motion and releases every motor.
-Direction, scale, lag and limit switch are evaluated from the ticks of the motion.
+creeps a few degrees up, down to its limit switch, off it and back onto it. The tick of system identification drives the
+motion; this module adds the checks that the tick lacks. Any doubt ends the motion and releases every motor. The
+direction, scale and lag of each axis and the limit switch are evaluated from the ticks of the motion.
 """
 
 import math

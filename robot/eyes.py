@@ -1,4 +1,4 @@
-"""Sources of sightings and of readings from other programs."""
+"""The sources of sightings, and of readings from other programs."""
 
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack

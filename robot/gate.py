@@ -1,14 +1,15 @@
-"""The gate's model: an ONNX file with its own contract, the checks of its bytes, and its inference session.
+"""The gate's model: an ONNX file with its own contract, the checks of the file's bytes, and its inference session.
 
-The contract names inputs and outputs. Every exported model contains its hash; a model with a different hash is refused.
-So is a damaged or altered file: its metadata holds the hash of the file with UNSEALED in place of the hash.
+The contract names the inputs and outputs. Every exported model contains the contract's hash, and a model with a
+different hash is refused. So is a damaged or altered file: its metadata holds the hash of the file itself, computed
+with UNSEALED in place of that hash.
 
 Metadata and operations are read from the protocol-buffer wire format (field numbers of onnx.proto, IR version 8) before
-anything loads the file. The time of every operation in OPERATIONS depends only on the shapes of its inputs, and without
-Loop, If and Scan each runs once, so all configurations take the same time. The file is then loaded in another process
-with limits of time and memory, because onnxruntime computes while it loads (it folds constants) and cannot be stopped
-within a process. That process is `python -m truearc.robot.gate`; it receives the file's bytes on standard input and
-performs all steps of loading.
+anything loads the file. The time that an operation in OPERATIONS takes depends only on the shapes of its inputs, and
+without Loop, If and Scan each operation runs once, so all configurations take the same time. The file is then loaded in
+another process with limits of time and memory, because onnxruntime computes while it loads (it folds constants) and
+cannot be stopped within a process. That process is `python -m truearc.robot.gate`; it receives the file's bytes on
+standard input and performs all steps of loading.
 """
 
 import hashlib

@@ -1,9 +1,10 @@
-"""The motion interlocks: whether wheels and hood may be driven, and if not, why. Pure, like truearc.robot.tick.
+"""The motion interlocks, which decide whether wheels and hood may be driven, and if not, why.
 
-A missing, stale or faulty reading releases its axis until readings have been good for RECOVER_S. A motion that
-contradicts the torque, or two sensors that contradict each other, release it until the operator disarms and arms again;
-so do REPEATS releases within REPEAT_NS. Each tick compares the readings with the torque of the previous tick. The
-feeder is driven only briefly; while its readings are in doubt it gets no torque, but it is not released.
+The interlocks are pure, like truearc.robot.tick. A missing, stale or faulty reading releases its axis until readings
+have been good for RECOVER_S. A motion that contradicts the torque, or two sensors that contradict each other, release
+the axis until the operator disarms and arms again; so do REPEATS releases within REPEAT_NS. Each tick compares the
+readings with the torque of the previous tick. The feeder is driven only briefly; while its readings are in doubt it
+gets no torque, but it is not released.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The launcher's axes: their names, drivers, limits and bus rules, and the geometry of the hood's screw."""
+"""The launcher's motor axes: their names, drivers, limits and bus rules, and the geometry of the hood's screw."""
 
 import math
 from collections import Counter

@@ -1,6 +1,7 @@
-"""Rigs: where Inputs come from and Commands go. HardwareRig uses wires of truearc.hw.protocols, ReplayRig a recording.
+"""Rigs, from which Inputs come and to which Commands go.
 
-RecordingRig records another rig; no shot is fired unless it is recorded.
+HardwareRig uses the wires of truearc.hw.protocols, and ReplayRig uses a recording. RecordingRig wraps a rig that is
+being recorded and reports trouble with the recording, so that no shot is fired unless it is recorded.
 """
 
 from collections.abc import Callable, Iterable, Iterator

@@ -1,7 +1,7 @@
-"""The control loop (read -> tick -> write -> record), one for robot, emulation and replay, and the layers around it.
+"""The control loop (read -> tick -> write -> record) that robot, emulation and replay share, and the layers around it.
 
 A layer shows ticks on the operator page, measures their lateness, or feeds the watchdog of the service that started the
-loop. Times come with the ticks; no clock is read here.
+loop. The times come with the ticks; no clock is read here.
 """
 
 from bisect import bisect_left

@@ -1,7 +1,7 @@
-"""System identification: the motion program for flywheels and hood, and one tick of it.
+"""System identification: the motion program for the flywheels and the hood, and one tick of it.
 
-The program has quasistatic ramps and dynamic steps, each followed by coasting to rest. Any fault permanently releases
-every motor. The operator arms them once; any later button press releases them. The tick is pure, like
+The program consists of quasistatic ramps and dynamic steps, each followed by coasting to rest. The operator arms the
+motors once; any later button press releases them. Any fault permanently releases every motor. The tick is pure, like
 truearc.robot.tick, so a replay is exact. Its motion interlocks are those used for launching (truearc.robot.motion).
 """
 

@@ -1,4 +1,7 @@
-"""One tick: estimate -> aim -> interlocks -> verdict -> control. Pure (no clock, I/O, randomness): replay is exact."""
+"""One tick: estimate -> aim -> interlocks -> verdict -> control.
+
+A tick is pure (it uses no clock, no I/O and no randomness), so a replay is exact.
+"""
 
 from msgspec import UNSET
 from msgspec.structs import replace

@@ -2,9 +2,9 @@
 
 The whole Tick is the recorded row.
 
-Units are SI and end each name; `t_ns` is the rig's single monotonic clock. The types are msgspec structs rather than
-dataclasses because a row is written 200 times a second and replayed 10 000 times a second. Absent numbers are None,
-never NaN: JSON has no NaN, and None cannot pass a comparison by accident.
+All units are SI, and each name ends with its unit; `t_ns` is the time on the rig's single monotonic clock. The types
+are msgspec structs rather than dataclasses because a row is written 200 times a second and replayed 10 000 times a
+second. Absent numbers are None, never NaN: JSON has no NaN, and None cannot pass a comparison by accident.
 """
 
 from msgspec import UNSET, Struct, UnsetType, field

@@ -1,1 +1,1 @@
-"""The companion: data, physics, inference, discovery, gate training and the emulated world."""
+"""The companion to the robot's code: data, physics, inference, discovery, gate training and the emulated world."""

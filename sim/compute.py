@@ -1,4 +1,4 @@
-"""Parallel jobs on all cores, and a cache of compiled JAX code on disk, so that only the first run compiles."""
+"""Parallel jobs on all cores, and an on-disk cache of compiled JAX code, so that only the first run compiles."""
 
 import os
 import platform

@@ -1,4 +1,4 @@
-"""Text output of results and progress: reports on a terminal and in a notebook, aligned tables, CSV files."""
+"""Text output of results and progress: reports on a terminal and in a notebook, aligned tables, and CSV files."""
 
 import csv
 import html

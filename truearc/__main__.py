@@ -1,4 +1,4 @@
-"""`python -m truearc`: the command line."""
+"""The command line, run as `python -m truearc`."""
 
 import sys
 

@@ -1,6 +1,6 @@
-"""Errors for wrong input and plug-ins; readers and writers of text and TOML that report file, line and key.
+"""Errors for invalid input and plug-ins, and readers and writers of text and TOML that report file, line and key.
 
-Every module may import this one, which imports nothing from truearc.
+Every module may import this one, which itself imports nothing from truearc.
 """
 
 import csv

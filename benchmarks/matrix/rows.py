@@ -515,10 +515,9 @@ def _hooded(words: str, motion: Motion, within_s: float, after: str, lasts_s: fl
 
 
 def _with_sparks(row: Row) -> Row:
-    """The same of a launcher with SPARKs; one that is first heard while armed reports its reset until armed again."""
+    """The same of a launcher with SPARKs."""
     name = row.name.replace("motion, ", "motion, SPARK ")
-    return Row(name, row.family, row.breaking, row.reason, row.within_s,
-               REARM if "since the start" in row.name else row.after, row.lasts_s, first=row.first,
+    return Row(name, row.family, row.breaking, row.reason, row.within_s, row.after, row.lasts_s, first=row.first,
                launcher="spark")
 
 

@@ -1,1 +1,1 @@
-"""truearc for robots of the FIRST Robotics Competition: NetworkTables, WPILOG, advice beside a robot's own program."""
+"""truearc for FIRST Robotics Competition robots: NetworkTables, WPILOG, and advice beside a robot's own program."""

@@ -1,4 +1,4 @@
-"""Advice over NetworkTables: a RobotIo that discards commands, and a publisher of each tick's verdict."""
+"""Advice over NetworkTables: a RobotIo that discards commands, and a publisher of the verdict of each tick."""
 
 import math
 import sys

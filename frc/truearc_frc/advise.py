@@ -1,8 +1,8 @@
 """Advise a robot that runs its own program: read its NetworkTables keys and publish the gate's verdict.
 
-It sends no commands. Every tick uses the robot's own verdict code and is recorded; `truearc session replay --check`
-recomputes it. With --check it only examines the keys and prints one line on each; the exit code is 1 if any cannot be
-used.
+No commands are sent to the robot. Each tick computes its verdict with the same code as `truearc run` and is recorded;
+`truearc session replay --check` recomputes it. With --check, the command only examines the keys and prints one line
+about each; the exit code is 1 if any key cannot be used.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""The session of `truearc advise`: it connects and records until signalled, or only examines the keys."""
+"""The session behind `truearc advise`, which connects and records until signalled, or only examines the keys."""
 
 import argparse
 import sys

@@ -1,4 +1,4 @@
-"""Doctor checks for the robot's NetworkTables: server, keys, clocks, and whether a camera sees tags."""
+"""The doctor's checks of the robot's NetworkTables: the server, keys and clocks, and whether a camera sees tags."""
 
 import math
 from collections import Counter

@@ -1,11 +1,13 @@
-"""Launcher inputs read from the robot's NetworkTables: camera, velocity and hood angle.
+"""Launcher inputs read from the robot's NetworkTables: camera sightings, the robot's velocity and the hood angle.
 
-PhotonVision (table /photonvision/NAME): `targetPose` is the transform from camera to tag (x forward, y left, z up; a
-struct, or an array before 2025), and `latencyMillis` is the time from exposure to publication. Limelight (table /NAME):
-`targetpose_cameraspace` has x right, y down and z forward. The latency in ms is `cl` + `tl`, and `stddevs` begins with
-the standard deviations of MegaTag 1 along the field's x and y. Sources: PhotonVision's NTTopicSet and NTDataPublisher;
-Limelight's complete NetworkTables API. If the control loop has its own process, another process reads the velocity
-keys, so that the tick never accesses the network.
+PhotonVision publishes in the table /photonvision/NAME. Its `targetPose` is the transform from the camera to the tag (x
+forward, y left, z up; a struct, or an array before 2025), and its `latencyMillis` is the time from exposure to
+publication. Limelight publishes in the table /NAME. Its `targetpose_cameraspace` has x right, y down and z forward; the
+latency in ms is `cl` + `tl`, and `stddevs` begins with the standard deviations of MegaTag 1 along the field's x and y.
+Sources: PhotonVision's NTTopicSet and NTDataPublisher; Limelight's complete NetworkTables API.
+
+If the control loop has its own process, another process reads the velocity keys, so that the tick never accesses the
+network.
 """
 
 import math

@@ -1,6 +1,7 @@
-"""Keys of a robot's NetworkTables server through WPILib's library: values with local timestamps, and published topics.
+"""Access to a robot's NetworkTables keys through WPILib's library: timestamped values, and published topics.
 
-The library publishes a value when it changes, so its timestamp is that of the latest change.
+Timestamps are local. The library publishes a value when it changes, so a value's timestamp is that of its latest
+change.
 """
 
 import math

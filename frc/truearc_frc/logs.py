@@ -1,4 +1,4 @@
-"""WPILOG as a source of `truearc import`. The reader is imported when the first file is read."""
+"""WPILOG files as a source for `truearc import`. The reader is not imported until the first file is read."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The ReadingTable for [nt4] in launcher.toml: camera, velocity, angle and published advice."""
+"""The ReadingTable for [nt4] in launcher.toml: the camera, the velocity, the hood angle and the published advice."""
 
 from collections.abc import Iterable
 from contextlib import ExitStack

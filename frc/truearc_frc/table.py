@@ -1,4 +1,4 @@
-"""Schema of `[nt4]` in launcher.toml: the robot's NetworkTables server and the values exchanged with it."""
+"""The schema of [nt4] in launcher.toml: the robot's NetworkTables server and the values exchanged with it."""
 
 import re
 from collections.abc import Iterator

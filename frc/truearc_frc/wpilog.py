@@ -1,10 +1,12 @@
-"""WPILOG files: export of a session for AdvantageScope and SysId, and import of logs as series.
+"""Export of a session to a WPILOG file for AdvantageScope and SysId, and import of WPILOG logs as series.
 
-The format is append-only records of named signals, little-endian. File: "WPILOG", version 1.0 (u16), length and text of
-an extra header. Record: one byte with the lengths of the signal number, payload size and time, then these three, then
-the payload. Signal 0 declares the signals. Times are whole microseconds. A struct is the sequence of its numbers, which
-entries /.schema/struct:NAME declare. Sources: WPILib's datalog.adoc and wpimath's Pose2dStruct. WPILib's own reader
-reads logs; damaged parts are skipped and reported.
+A WPILOG file is an append-only sequence of records of named signals; its numbers are little-endian. The file begins
+with "WPILOG", the version 1.0 (u16), and the length and text of an extra header. A record begins with one byte that
+states the lengths of the signal number, the payload size and the time; these three follow, and then the payload. The
+records of signal 0 declare the other signals. Times are whole microseconds. A struct is stored as the sequence of its
+numbers, which an entry named /.schema/struct:NAME declares. Sources: WPILib's datalog.adoc and wpimath's Pose2dStruct.
+
+Logs are read with WPILib's own reader; damaged parts are skipped and reported.
 """
 
 import json

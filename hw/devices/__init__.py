@@ -1,1 +1,1 @@
-"""Device families, one file each, or one folder if the family has a DBC file."""
+"""The device families. Each is a single file, or a folder if the family has a DBC file."""

@@ -1,4 +1,4 @@
-r"""The operator's button box: a line protocol over a serial port.
+r"""The operator's button box, which uses a line protocol over a serial port.
 
     $B,<seq>,<button>*<crc>\r\n         one press
     $H,<seq>*<crc>\r\n                  every 0.5 s: heartbeat; <seq> is that of the newest press

@@ -1,6 +1,6 @@
-"""The Redux Canandmag absolute encoder: frames, emulator, and the EncoderFamily with table, bus rules and doctor.
+"""The Redux Canandmag absolute encoder: frames, emulator, and EncoderFamily with table, bus rules and doctor checks.
 
-An arbitration id has 29 bits: the id for device 0 plus the device number.
+Its arbitration ids have 29 bits; each is the id for device 0 plus the device number.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""What motor drivers share: receiving a motor's frames, checking its readings, converting torque to duty cycle.
+"""Code shared by motor drivers: receiving a motor's frames, checking its readings, converting torque to duty cycle.
 
 Each reading is checked for plausibility (speed and position must be consistent) and for lateness (the time that the
 device takes to answer a request). Drivers receive frames and times as arguments, so they need no I/O and no clock.

@@ -1,4 +1,4 @@
-"""How a device family declares itself: launcher.toml tables, a MotorFamily or EncoderFamily value, doctor checks."""
+"""The declaration of a device family: its launcher.toml tables, MotorFamily or EncoderFamily, and doctor checks."""
 
 import contextlib
 import math

@@ -1,8 +1,10 @@
 """The registry of all motor controller families, and the devices without frames of their own.
 
-Devices without frames are motors of another controller (driver "advisory": read, never commanded), a motor controller's
-encoder that serves as the hood's, and an absent hood encoder. A distribution registers its MotorFamily under its
-driver's name. It is loaded before the first tick, when a configuration first names that driver:
+The devices without frames are motors of another controller (driver "advisory", which are read but never commanded), a
+motor controller's encoder that serves as the hood's, and an absent hood encoder.
+
+A distribution registers its MotorFamily under its driver's name. The family is loaded before the first tick, when a
+configuration first names that driver:
 
     [project.entry-points."truearc.motors"]
     samplemotor = "truearc_samplemotor:SAMPLEMOTOR"

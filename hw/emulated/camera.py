@@ -1,9 +1,9 @@
-"""The emulated camera: its lens, its images of the retro-reflective half hexagon under a ring light, its image server.
+"""The emulated camera: its lens, images of the retro-reflective half hexagon under a ring light, and image server.
 
-It shares no code with the vision module. To save time, the background (lights, reflections) is drawn once, noise comes
-from one tile shifted at random, and the tape is drawn only within its bounding box: the share of each pixel that lies
-between the projected edges, blurred by the lens, with a halo, in the colours of photographs of real tape. All
-randomness comes from the seed.
+The camera shares no code with the vision module. To save time, the background (lights, reflections) is drawn once, the
+noise comes from one tile that is shifted at random, and the tape is drawn only within its bounding box. What is drawn
+is the share of each pixel that lies between the projected edges, blurred by the lens and surrounded by a halo, in the
+colours of photographs of real tape. All randomness comes from the seed.
 """
 
 import math

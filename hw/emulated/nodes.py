@@ -1,6 +1,7 @@
 """Emulated devices on the CAN bus, the interface to the world that they measure, and the clock that advances both.
 
-`truearc.sim.world` implements `Plant`; the devices only quantise values, delay them and put them on the wire.
+`truearc.sim.world` implements this interface, `Plant`; the devices only quantise its values, delay them and put them on
+the wire.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,7 +1,7 @@
-"""The CAN bus through python-can, with reconnection when the adapter is lost.
+"""Access to the CAN bus through python-can, with reconnection when the adapter is lost.
 
-`CanBus` uses socketcan, slcan, virtual or any other interface of that library. `SupervisedBus` reads the bus in a
-thread of its own, and reopens the bus whenever it is lost. python-can's Notifier is unsuitable: an exception in it
+`CanBus` uses socketcan, slcan, virtual or any other interface that python-can supports. `SupervisedBus` reads the bus
+in a thread of its own and reopens it whenever it is lost. python-can's Notifier is unsuitable: an exception in it
 silently ends its thread.
 """
 

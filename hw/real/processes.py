@@ -1,6 +1,6 @@
-"""Child processes, messages over socket pairs, and latest values in shared memory.
+"""Child processes, messages over socket pairs, and the latest values in shared memory.
 
-Child processes are started, supervised and restarted here. Neither end of a connection ever waits for the other.
+This module starts, supervises and restarts child processes. Neither end of a connection ever waits for the other.
 """
 
 import ctypes

@@ -1,4 +1,4 @@
-"""The interface to the operating system: facts about the machine, real-time requests, messages to systemd.
+"""The interface to the operating system: facts about the machine, real-time requests, and messages to systemd.
 
 A fact is None if the machine cannot provide it (no such tool, no such device, not Linux). A refused request is returned
 as a result, never raised as an error.

@@ -1,6 +1,7 @@
 """The serial port, the camera, and supervised wires, which a thread reopens after a loss.
 
-A camera is read through OpenCV, over V4L2 or the network, in a thread of its own, which keeps only the newest image."""
+A camera is read through OpenCV, over V4L2 or the network. A thread of its own reads it and keeps only the newest image.
+"""
 
 import contextlib
 import threading

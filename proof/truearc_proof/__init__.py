@@ -1,1 +1,1 @@
-"""Proof of discovery on concealed worlds, made by code that the solver does not share."""
+"""The proof of discovery on concealed worlds, which are made by code that the solver does not share."""

@@ -1,7 +1,7 @@
-"""Parallel jobs in processes of this machine, with their results kept as lines of a file.
+"""Parallel jobs in processes on this machine, with their results kept as the lines of a file.
 
-A job must be a pure function of its argument: if its process dies, the job is run again. Lines of JSON are appended
-whole, so that an interrupted run continues where it stopped.
+A job must be a pure function of its argument, because it is run again if its process dies. The lines are JSON and are
+appended whole, so that an interrupted run continues where it stopped.
 """
 
 import lzma

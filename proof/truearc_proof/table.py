@@ -1,4 +1,4 @@
-"""Titled tables of text cells."""
+"""Tables of text cells with titles."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple

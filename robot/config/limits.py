@@ -1,9 +1,9 @@
-"""The limits of launcher.toml: the minimum and maximum of each number, and contradictions between values.
+"""The limits of launcher.toml: the minimum and maximum of each number, and checks for contradictory values.
 
-`limits.toml` defines all limits: `load_config` refuses values outside them, and the formats page lists them. A bound is
-a number or a product of a number and keys, such as "2 / tick_hz" or "0.5 * hood.pid.output_high"; the narrowest of
-several bounds applies. A bound is ignored if it uses a key that the configuration lacks, or a key marked `?` whose
-value is 0.
+All limits are defined in `limits.toml`. `load_config` refuses values outside them, and the formats page lists them. A
+bound is a number or a product of a number and keys, such as "2 / tick_hz" or "0.5 * hood.pid.output_high"; the
+narrowest of several bounds applies. A bound is ignored if it uses a key that the configuration lacks, or a key marked
+`?` whose value is 0.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Tables of launcher.toml whose struct depends on a name: [hood_encoder], and tables that other distributions define.
+"""Tables of launcher.toml whose structs depend on a name: [hood_encoder], and tables that other distributions define.
 
 A distribution that reads values from another program, not from a device, has a table of its own. It registers a
 ReadingTable under the table's name, which is loaded when a configuration contains that table:
@@ -6,10 +6,10 @@ ReadingTable under the table's name, which is loaded when a configuration contai
     [project.entry-points."truearc.readings"]
     NAME = "package.module:TABLE"
 
-truearc defines two keys of such a table. `vision`, a table, means that another camera sees the target instead of
-[camera]. `velocity` means that the robot reports its own motion, and contains the numbers of `Driving`. The
-distribution defines all other keys. A recording keeps the whole table as numbers and strings, and the tick uses only
-`Driving`, so that a replay does not need the distribution.
+truearc defines two keys of such a table, and the distribution defines all others. The key `vision` is a table, whose
+presence means that a camera other than [camera] sees the target. The key `velocity` means that the robot reports its
+own motion, and contains the numbers of `Driving`. A recording keeps the whole table as numbers and strings, and the
+tick uses only `Driving`, so that a replay does not need the distribution.
 """
 
 from collections.abc import Callable, Iterable

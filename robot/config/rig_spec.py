@@ -1,7 +1,7 @@
 """The rig specification: the contents of rig.toml and of [rig] in launcher.toml.
 
-Users write these files. Absent optional keys take the defaults stated here. `unknown_keys` lists unrecognised keys so
-that the caller can warn. A wrong type or a missing required key is an error.
+Users write these files by hand. Optional keys that are absent take the defaults stated here. `unknown_keys` lists
+unrecognised keys, so that the caller can warn about them. A wrong type or a missing required key is an error.
 """
 
 import math

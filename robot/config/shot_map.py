@@ -1,4 +1,4 @@
-"""The schema of shots.toml: what the keys of a team's log or table mean, their units, and how its shots are found."""
+"""The schema of shots.toml, which states the keys and units of a team's log or table and how to find its shots."""
 
 import math
 import re

@@ -1,8 +1,8 @@
 """The text of the files that make a computer start truearc at boot, and the options that determine it.
 
-The files are the systemd unit, CAN bring-up, device names and the script that installs them; `files/` has the longer
-ones, with placeholders such as `@USER@`. `truearc/cli/deploy.py` copies them to the computer, with wheels built from
-clean copies of the sources.
+The files are the systemd unit, the CAN bring-up, the device names and the script that installs them. The longer ones
+are in `files/`, with placeholders such as `@USER@`. `truearc/cli/deploy.py` copies the files to the computer, together
+with wheels built from clean copies of the sources.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""The operator page, and the `--page` option with its address."""
+"""The operator page, and the `--page` option, which gives its address."""
 
 import argparse
 

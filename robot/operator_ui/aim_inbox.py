@@ -1,6 +1,6 @@
-"""The inbox of aim files that arrive while the robot runs: the requests from the page, and the offer to the driver.
+"""The inbox for aim files that arrive while the robot runs: the page's requests, and the offer to the driver.
 
-The page accepts two requests: to keep an aim file and to accept the offered one. Both need the token in the inbox's
+The page accepts two requests: to keep an aim file and to accept the offered one. Both require the token in the inbox's
 `token` file. Each request becomes a file in the inbox. The control process reads the inbox, checks each aim file, keeps
 it in the session and offers it to the driver. An offered file is not used until the driver accepts it while disarmed
 (truearc.robot.aim).

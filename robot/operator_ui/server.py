@@ -1,11 +1,12 @@
 """The HTTP server for the operator page and other pages at the robot, using only the standard library.
 
-The page receives the newest tick by Server-Sent Events, and the gate's answers; a query (`POST /predict`) does not
-reach the robot. Sending an aim file (`PUT /aim`) and accepting it (`POST /accept`) need a token
-(truearc.robot.operator_ui.aim_inbox).
+The page receives the newest tick by Server-Sent Events. It also receives the gate's answers to queries (`POST
+/predict`), which do not reach the robot. Sending an aim file (`PUT /aim`) and accepting it (`POST /accept`) require a
+token (truearc.robot.operator_ui.aim_inbox).
 
-No client can block the others, not even from a shared address (a tunnel, the robot's own screen). Above the limit of
-connections, the oldest whose request is still being read or answered is closed; long responses are limited in number.
+No client can block the others, not even from a shared address (a tunnel, the robot's own screen). When the limit on the
+number of connections is exceeded, the oldest connection whose request is still being read or answered is closed. The
+number of long responses is limited as well.
 """
 
 import gzip

@@ -1,8 +1,8 @@
-"""The operator page's view of the newest tick: text, and numbers with their units. Pure.
+"""The operator page's view of the newest tick, as text and as numbers with their units.
 
 `look` keeps the newest tick, sighting and outcomes in a Glance; `describe` turns a Glance into one event for the
-browser. `tell` explains each reason for a HOLD to the driver and what to do about it. The texts are in
-`driver_messages.toml`, in order of importance, and `docs/reference/reasons.md` lists them all.
+browser. `tell` explains to the driver each reason for a HOLD and what to do about it. The functions are pure. The texts
+are in `driver_messages.toml`, in order of importance, and `docs/reference/reasons.md` lists them all.
 """
 
 import math

@@ -1,11 +1,12 @@
-"""What-if queries to the gate about arbitrary configurations: parsing, rate limits and answers.
+"""What-if queries to the gate about arbitrary configurations: their parsing, rate limits and answers.
 
-Answers are computed as in the tick: Gate.rate for one configuration at a time, and the reasons why the verdict would be
-HOLD. Queries and answers never reach the tick.
+Answers are computed as in the tick: they consist of Gate.rate for one configuration at a time, and the reasons why the
+verdict would be HOLD. Queries and answers never reach the tick.
 
-WhatIfProcess answers in a process of its own, so that neither the tick nor the recorder waits for the model. Its
-standard input is one end of a connection: it receives the text of a query, or None to request the facts, and sends an
-answer. The first query starts the process; it ends when the connection closes, even if its parent has crashed.
+WhatIfProcess answers in a process of its own, so that neither the tick nor the recorder waits for the model. The
+process's standard input is one end of a connection, over which it receives the text of a query, or None to request the
+facts, and sends an answer. The first query starts the process. It ends when the connection closes, even if its parent
+has crashed.
 """
 
 import contextlib

@@ -1,1 +1,1 @@
-"""Session recordings: writing, reading and recovery."""
+"""Recordings of sessions: writing, reading and recovery."""

@@ -1,16 +1,17 @@
-"""Exports a session to one file for other programs: CSV, or MCAP for viewers, with the robot's pose.
+"""Export of a session to one file for other programs: CSV, or MCAP for viewers, with the robot's pose.
 
-An MCAP for viewers contains the ticks and trials of the recording and one topic per subsystem, with units in its schema
-(tabular). Times are wall-clock times. Images, reasons, pose and scene use Foxglove's schemas as JSON: a test compares
-the names and types of their fields with the official schemas (https://docs.foxglove.dev/docs/sdk/schemas); optional
-fields are omitted. A scene contains lines and texts; its other primitives are empty lists. Lengths are in m, colours
-from 0 to 1. The session's metadata is attached. Messages are written as the ticks are read.
+An MCAP file for viewers contains the ticks and trials of the recording, and one topic per subsystem, with units in its
+schema (see tabular). Times are wall-clock times. Images, reasons, pose and scene use Foxglove's schemas as JSON. A test
+compares the names and types of their fields with the official schemas (https://docs.foxglove.dev/docs/sdk/schemas);
+optional fields are omitted. A scene contains lines and texts; its other primitives are empty lists. Lengths are in m,
+and colours range from 0 to 1. The session's metadata is attached to the file. Messages are written as the ticks are
+read.
 
-Frame "target" of the pose: origin on the floor below the middle of the target, x from the target toward the robot, z
-up, y completing a right-handed frame (to the right as the robot sees it). The pose uses the horizontal distance from
-the ball's exit to the target plane and, if the camera provides it, the bearing of the target. It assumes that the robot
-stands straight in front of the target (y = 0) and that the camera points in the direction of launch. Without a bearing
-the robot faces the target.
+The pose is given in the frame "target". Its origin is on the floor below the middle of the target; x points from the
+target toward the robot, z points up, and y completes a right-handed frame (to the right as the robot sees it). The pose
+uses the horizontal distance from the ball's exit to the target plane and, if the camera provides it, the bearing of the
+target. It assumes that the robot stands straight in front of the target (y = 0) and that the camera points in the
+direction of launch. Without a bearing the robot faces the target.
 """
 
 import base64

@@ -1,7 +1,7 @@
 """The files of a session, which are created and appended to but never overwritten.
 
-`Appender` appends to them and survives a full disk. Raw CAN is candump text, `(seconds.microseconds) can0 ID#DATA R|T`,
-which can-utils, SavvyCAN and python-can read.
+`Appender` appends to the files and survives a full disk. Raw CAN frames are stored as candump text,
+`(seconds.microseconds) can0 ID#DATA R|T`, which can-utils, SavvyCAN and python-can can read.
 """
 
 import contextlib

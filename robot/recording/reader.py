@@ -1,8 +1,8 @@
-"""Reads a session's ticks from the records of an MCAP file, complete or truncated.
+"""Reading of a session's ticks from the records of an MCAP file, whether complete or truncated.
 
-Sizes stated in a file are not trusted: a record cannot be longer than the rest of the file, and a chunk is unpacked to
-at most LARGEST bytes. Missing rows are always detected: rows of one topic are numbered from 0 without gaps, and a file
-that was closed states their number (robot/recording/files.py).
+The sizes stated in a file are not trusted: a record cannot be longer than the rest of the file, and a chunk is unpacked
+to at most LARGEST bytes. Missing rows are always detected, because the rows of a topic are numbered from 0 without gaps
+and a file that was closed states how many there are (robot/recording/files.py).
 """
 
 import struct

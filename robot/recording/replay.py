@@ -1,9 +1,9 @@
-"""Deterministic replay: every output of a recording is computed again and compared bit for bit.
+"""Deterministic replay, which recomputes every output of a recording and compares it bit for bit.
 
 `replay` starts from the recorded inputs; `replay_frames` also recomputes the inputs from the raw CAN frames and the
-kept images. Inputs that neither contains are taken as recorded: button presses, lost wires, and sightings whose image
-was not kept (a session keeps the image used for each shot). `find_changes` replays with another configuration or model
-and lists the differences.
+kept images. Inputs that are in neither of these are taken as recorded: button presses, lost wires, and sightings whose
+image was not kept (a session keeps the image used for each shot). `find_changes` replays with another configuration or
+model and lists the differences.
 """
 
 import itertools

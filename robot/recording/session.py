@@ -1,13 +1,17 @@
-"""The layout of a session, which is a folder:
+"""The layout of a session on disk.
 
-    session.json     what made it: versions, configuration and model hashes
-    config.json      its configuration; model.onnx the gate, if there was one
-    aim.json         the aim file at the start, if there was one; aims/SHA256.json those offered later
-    telemetry.mcap   JSON messages: on /tick the whole Tick, on /trial each line of trials.jsonl
-    can0.log         every CAN frame both ways, candump text
-    trials.jsonl     one line per outcome, each fsynced
+A session is a folder that contains:
+
+    session.json     how it was made: versions, and hashes of the configuration and the model
+    config.json      its configuration
+    model.onnx       the gate, if there was one
+    aim.json         the aim file at the start, if there was one
+    aims/            the aim files offered later, each as SHA256.json
+    telemetry.mcap   JSON messages: the whole Tick on /tick, and each line of trials.jsonl on /trial
+    can0.log         every CAN frame in both directions, as candump text
+    trials.jsonl     one line per outcome, each written with fsync
     frames/          the image behind each shot, and frames.jsonl
-    lateness.jsonl   one line per second: lateness of the ticks (truearc.robot.runtime); real robots only
+    lateness.jsonl   one line per second: the lateness of the ticks (truearc.robot.runtime); only on real robots
     damaged/         the files that `truearc session recover` replaced
 """
 

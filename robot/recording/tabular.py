@@ -1,8 +1,9 @@
-"""A tick as one flat row with a unit in each name, and as one topic per subsystem for viewers.
+"""A tick as one flat row with a unit in each name, or as one topic per subsystem for viewers.
 
-Viewers plot a topic's fields, which they find in its schema. The schemas use only what all viewers support: an object
-of numbers, booleans, strings and lists of one of these, without references, alternatives or null. An absent value is
-omitted from its message, and a message without any value is not written."""
+Viewers plot a topic's fields, which they find in the topic's schema. The schemas use only what all viewers support: an
+object of numbers, booleans, strings and lists of one of these, without references, alternatives or null. An absent
+value is omitted from its message, and a message without any value is not written.
+"""
 
 import math
 import tomllib

@@ -1,7 +1,8 @@
-"""The writer of a session, and the recorder in its own process. The tick only encodes messages.
+"""The writer of a session, and the recorder that runs in its own process.
 
-A keeper owns the files. LaneKeeper writes them in three threads of this process. FarKeeper is the control loop's end of
-a recorder in a separate process, where `Desk` receives its messages and passes their contents to a LaneKeeper.
+The tick only encodes messages; a keeper owns the files. LaneKeeper writes them in three threads of this process.
+FarKeeper is the control loop's end of a recorder in a separate process, where `Desk` receives the messages and passes
+their contents to a LaneKeeper.
 """
 
 import errno

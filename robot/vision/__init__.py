@@ -1,8 +1,9 @@
-"""Target detection: Image -> Sighting of the retro-reflective half hexagon or an AprilTag, with uncertainty. Pure.
+"""Target detection: from an Image to a Sighting of the retro-reflective half hexagon or an AprilTag, with uncertainty.
 
-marks.py refuses images that are too bright, finds regions of the tape's colour and turns a region into four sub-pixel
-marks; pose.py turns marks into a camera pose with covariance. This module turns the single candidate into a Sighting,
-or returns the reason for its absence; `draw_mask` and `draw_regions` visualise the processing of an image.
+Detection is pure. marks.py refuses images that are too bright, finds regions of the tape's colour and turns a region
+into four sub-pixel marks; pose.py turns marks into a camera pose with covariance. This module turns the single
+candidate into a Sighting, or returns the reason why there is none. `draw_mask` and `draw_regions` visualise how an
+image is processed.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Camera calibration from pictures of a flat board, or from distances measured with a tape.
 
-A board gives focal length, axis and lens distortion with their standard deviations. Pixels are assumed to be square and
-the third radial term to be zero: both hold for any webcam, and without many pictures a fit of them is noise. Taped
-distances give the scale of the focal length and a bias.
+A board gives the focal length, axis and lens distortion with their standard deviations. The pixels are assumed to be
+square and the third radial term to be zero: both hold for any webcam, and values fitted to a few pictures would be
+noise. Taped distances give the scale of the focal length and a bias.
 """
 
 import math

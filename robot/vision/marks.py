@@ -1,22 +1,24 @@
-"""Finds the tape in an image: regions of its colour, and its four marks to sub-pixel accuracy with covariance.
+"""Detection of the tape in an image: regions of its colour, and its four marks to sub-pixel accuracy with covariance.
 
 The image must be exposed for tape under a ring light, so that all else is dark. A camera with automatic exposure
-brightens the room until the tape is white; then colours and edges are wrong. Since most of the image is dark, the
-colour is first searched for in every fourth row and column, and the full resolution is used only around matches.
+brightens the room until the tape is white, and then its colours and edges are wrong. Since most of the image is dark,
+the colour is first searched for in every fourth row and column, and the full resolution is used only around matches.
 
 The region's convex hull gives the corners to a pixel or two; the side without tape is the open top. Brightness is
-sampled at many places across each straight. The two points of half height are equally far from the tape's middle,
-however blurred, bloomed or overexposed it is, and a line is fitted through their midpoints. Along the centre line, the
-point of half height at a cut end is the position of the end, because in linear light the strip and its missing
-continuation mirror each other there. With a tone curve, or where the tape clips, half height lies as far outside a cut
-end as outside the edges of the bottom straight. The marks are the intersections of the centre lines and the ends. The
-scatter of the points about their line gives the marks' covariance: two marks on one line share the error of that line.
+sampled at many places across each straight (a straight stretch of tape). In such a profile, the two points at half
+height are equally far from the middle of the tape, however blurred, bloomed or overexposed it is, and a line is fitted
+through their midpoints. Along the centre line, the point at half height marks the position of a cut end, because in
+linear light the strip and its missing continuation mirror each other there. With a tone curve, or where the brightness
+clips, the point at half height lies as far outside a cut end as outside the edges of the bottom straight. The marks are
+the intersections of the centre lines and the ends. The scatter of the points about their line gives the marks'
+covariance; two marks on one line share the error of that line.
 
-Widths show how much wider the tape appears than its geometric image. Blur does not change the width of a straight at
-half height unless the straight is narrow; then the width follows from the slope of the edges. A tone curve or clipping
-moves half height outward on both edges, so the excess width is twice the error of a cut end. The bottom straight shows
-this best: it is parallel to the cut ends, so that blur and motion affect both alike. The width also reveals a different
-tape, or a tape that is partly hidden along its own edges: its three straights fit neither the marks nor each other.
+Measured widths show how much wider the tape appears than its geometric image. Blur does not change the width of a
+straight at half height unless the straight is narrow; then the width follows from the slope of the edges. A tone curve
+or clipping moves half height outward on both edges, so the excess width is twice the error of a cut end. The bottom
+straight shows this best: it is parallel to the cut ends, so that blur and motion affect both alike. The width also
+reveals a different tape, or a tape that is partly hidden along its own edges: its three straights fit neither the marks
+nor each other.
 """
 
 import math

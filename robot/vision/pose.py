@@ -1,4 +1,4 @@
-"""The camera pose with covariance from the four marks of the target, and the geometry of lens and target.
+"""The camera pose, with covariance, from the four marks of the target, and the geometry of the lens and the target.
 
 A calibration is valid for one image size. An image of another size is assumed to be another mode of the same sensor
 that shows its full height: focal length and principal point scale with the image's height, and a wider image only shows
@@ -6,23 +6,25 @@ more on both sides. Webcam sensors are 16:9 and crop the sides for 4:3. The Life
 diagonal field of view confirms this: 719 px at 480 lines when scaled from 720, against 539 px if the height were
 cropped.
 
-A rolling shutter reads one row after another, so a camera that turns during exposure shears its picture, and one that
-nods stretches it. A single image can hardly distinguish this from a more oblique view of the target. The maximum rate
-of turn is therefore configured, and a picture that is smeared sideways shows that the camera turns.
+A rolling shutter reads one row after another, so a camera that turns during exposure shears its picture, and a camera
+that nods stretches it. A single image can hardly distinguish this from a more oblique view of the target. The maximum
+rate of turn is therefore configured, and a picture that is smeared sideways shows that the camera turns.
 
 Two properties hold for any camera without calibration: its pixels are square and its axis is near the centre of the
-image. A calibration with standard deviations is weighed against them; any other is used unchanged.
+image. A calibration with standard deviations is weighed against these properties; any other calibration is used
+unchanged.
 
-Frame of the target: x right and y up as the viewer sees them, z towards the viewer, origin midway between the outer top
-and bottom edges; metres. Vision measures four `marks`: the intersections of the tape's centre lines at the bottom, and
-their ends at the top. Blur, bloom and overexposure move both edges of a thin tape outward by the same amount and leave
-its middle in place.
+In the target's frame, x points right and y up as the viewer sees them, z points towards the viewer, and the origin is
+midway between the outer top and bottom edges; coordinates are in metres. Vision measures four `marks`: the
+intersections of the tape's centre lines at the bottom, and their ends at the top. Blur, bloom and overexposure move
+both edges of a thin tape outward by the same amount and leave its middle in place.
 
-Pose: IPPE (the closed form for flat targets) gives the starting point. Gauss-Newton then minimises the marks'
-residuals, weighted by their covariance, together with three priors on the mounting: lens height, pitch, and zero roll
-(with the same uncertainty as the pitch). The covariance combines that of the edges, a floor for errors that edges do
-not show, and the uncertainty of the camera. The tape hangs upright, so its pose alone determines the camera's height
-and pitch; its size, slant and elevation contribute to the distance according to their precision.
+The pose is computed in two steps. IPPE (the closed form for flat targets) gives the starting point, and Gauss-Newton
+then minimises the marks' residuals, weighted by their covariance, together with three priors on the mounting: lens
+height, pitch, and zero roll (with the same uncertainty as the pitch). The covariance combines that of the edges, a
+floor for errors that edges do not show, and the uncertainty of the camera. The tape hangs upright, so its pose alone
+determines the camera's height and pitch; its size, slant and elevation contribute to the distance according to their
+precision.
 """
 
 import math

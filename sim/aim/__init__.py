@@ -1,1 +1,1 @@
-"""Set points that score according to a belief: hood angle and motor speed for each distance."""
+"""Set points that score according to a belief: the hood angle and motor speed for each distance."""

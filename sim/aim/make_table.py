@@ -1,10 +1,10 @@
-"""Table of set points for a belief, its aim file, and the check of that file against the simulator.
+"""The table of set points for a belief, its aim file, and the check of that file against the simulator.
 
-Rows state the cost of errors, the band of speeds that score, and corrections for a moving robot. A ball thrown from a
-moving robot has the robot's velocity in addition to the launcher's. In a vacuum it would keep that velocity for the
-whole flight; drag removes part of it, by different amounts along and across the shot. The set point for a target at D
-is therefore that of the distance d from which the carried ball reaches D (d + carry_s * velocity = D), with a speed
-corrected for the resulting change of height (trim).
+Each row states the cost of errors, the band of speeds that score, and corrections for a moving robot. A ball thrown
+from a moving robot has the robot's velocity in addition to the launcher's. In a vacuum, the ball would keep the robot's
+velocity for the whole flight; drag removes part of it, by different amounts along and across the shot. The set point
+for a target at distance D is therefore that of the distance d for which the carried ball reaches D (d + carry_s *
+velocity = D), with a speed corrected for the resulting change of height (trim).
 """
 
 import json

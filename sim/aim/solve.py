@@ -1,6 +1,7 @@
-"""Finds the set point with the most expected points at each distance; among near-equal ones, a smooth sequence.
+"""The search for the set point with the most expected points at each distance.
 
-The probability that a set point scores follows from the belief's forecast of the height at the target.
+Among set points that are nearly equal, it chooses a smooth sequence over distance. The probability that a set point
+scores follows from the belief's forecast of the height at the target.
 """
 
 from collections.abc import Mapping

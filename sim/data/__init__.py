@@ -1,1 +1,1 @@
-"""Datasets of shots on disk, which are read strictly and written exactly."""
+"""Datasets of shots on disk, which are read strictly and written without loss."""

@@ -1,4 +1,4 @@
-"""Dataset in memory: columns in SI units with one row per shot, and the conditions of the shots."""
+"""A dataset in memory: columns in SI units with one row per shot, and the conditions of the shots."""
 
 import re
 from collections.abc import Hashable, Iterator, Sequence

@@ -1,6 +1,7 @@
-"""Conversion between Dataset and its tables of shots, tracks, traces and times. Errors name every bad row.
+"""Conversion between a Dataset and its tables of shots, tracks, traces and times. Errors name every bad row.
 
-The tables are a directory with rig.toml and CSV or Parquet files, or in memory: pandas, polars, NumPy, plain columns.
+The tables are either a directory that contains rig.toml and CSV or Parquet files, or tables in memory: pandas, polars,
+NumPy or plain columns.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""Importers of foreign recordings, registered through the entry points `truearc.importers`."""
+"""Importers of foreign recordings, which are registered as entry points of the group `truearc.importers`."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Shots of robot logs and tables, read with a map of their keys."""
+"""Shots from robot logs and tables, which are read with a map of their keys."""
 
 import re
 from collections import Counter

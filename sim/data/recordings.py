@@ -1,13 +1,13 @@
-"""Dataset from recorded sessions: one row per shot, or per configuration by the paper's labelling rule.
+"""Datasets made from recorded sessions, with one row per shot, or per configuration by the paper's labelling rule.
 
 The rule (section IV-A) labels a configuration by its repeatability. R2 and R3 are the shares of its shots in the
-2-point region (which contains the 3-point region) and in the 3-point region. The rule, with the choices made where the
-paper is silent:
+2-point region (which contains the 3-point region) and in the 3-point region. With the choices made here where the paper
+is silent, the rule is:
 
     R3 >= 80 %                              -> three
     R3 < 80 % and R2 > 90 %                 -> two
     R2 < 75 %                               -> removed; but a third of the paper's data are misses, which this rule
-                                               would exclude: a configuration that never scores is a miss
+                                               would exclude, so a configuration that never scores is a miss
     75 % <= R2 <= 90 % and R3 < 80 %        -> unspecified: legitimate by the third rule, so two
 """
 

@@ -4,19 +4,28 @@
 
 | | posterior and tests | reported |
 |---|---|---|
-| 1 | L moves a known number by CREDIBLE_SD | unknown |
-| 2 | nats for L <= 0 and P(L) < 0.5, or one thing is missing | *one effect* |
-| 3 | more is missing, no rest; P(L beside an unexplained effect) >= 0.5 | L's names |
-| 4 | more is missing, no rest | *one effect* |
-| 5 | the rest is unexplained and in L's own direction | unknown |
-| 6 | the rest is unexplained, or two terms move a known number by CREDIBLE_SD | L's names; besides, unknown |
-| 7 | no two terms fly | *one effect* |
-| 8 | two terms | both terms' names; besides, the rest beside both if any, as *one effect* |
+| 1 | nats for L <= 0 and P(L) < 0.5, or one thing is missing | *one effect* |
+| 2 | more is missing, no rest; P(L beside an unexplained effect) >= 0.5 | L's names |
+| 3 | more is missing, no rest | *one effect* |
+| 4 | the rest is unexplained and in L's own direction | unknown |
+| 5 | the rest is unexplained, or two terms put a known number out of nature | L's names; besides, unknown |
+| 6 | no two terms fly | *one effect* |
+| 7 | two terms | both terms' names; besides, the rest beside both if any, as *one effect* |
 
 *One effect* is unknown if nats for L <= 0 and P(L) < 0.5, or P(an unexplained effect) >= 0.5; else it has L's names.
 More is missing if P(L's size differs from ball to ball) >= 0.5, or P(two things) >= 0.5 and its odds against one thing
 are STRONG times those of the prior. The rest is unexplained if L's size differs from ball to ball, or a term beside
 an unexplained effect is likelier than two terms.
+
+**Guards.** An effect keeps its names, and what was found beside it, only if no row holds of the fit with the likeliest
+name. Else it is unknown, its sentence says why, and nothing of it is adopted.
+
+| guard | withheld if |
+|---|---|
+| `at_limit` | a number, or a scatter, stopped at the end of its range |
+| `out_of_nature` | a number of a term is where 999 of 1000 rigs do not have it |
+| `too_large` | the named size is more than MOST_USUAL times what is usual in this place |
+| `no_better` | unseen shots are forecast no better than by what is believed, refitted, or that with drag |
 
 **Names.** The smallest set that holds SURE of what is explained, a single name only if it alone is that probable; with
 its aliases, whatever their probability, names that one step cannot tell from a member and that are TWIN times as
@@ -59,10 +68,11 @@ from truearc.sim.discover.detect.localization import Place, locate
 from truearc.sim.discover.finding import Adoption, FitSummary
 from truearc.sim.discover.identifiability import UNTOUCHED, Sight, TermIdentifiability
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis, weigh
-from truearc.sim.discover.select.terms import NEVER, SURE, Naming, name_terms
+from truearc.sim.discover.select.terms import MOST_USUAL, NEVER, SURE, Naming, name_terms
 from truearc.sim.infer.intervals import NumberChange
-from truearc.sim.infer.launcher import STRONG, LauncherFit
+from truearc.sim.infer.launcher import STRONG, LauncherFit, stopped
 from truearc.sim.infer.likelihood.data import Each
+from truearc.sim.infer.likelihood.layout import column_of
 from truearc.sim.infer.likelihood.score_table import Column, clustered_error, folds_of
 from truearc.sim.printed import Progress, part_of
 from truearc.sim.statistics import Z90
@@ -77,9 +87,9 @@ LIKELY = 0.5                          # probability from which a thing is likeli
 CLEARLY = 2.0                         # standard errors by which plain shares beat a forecast, or a free curve is better
 # Derived: 5 % then falls on a draw, known to 0.7 %
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
-# Chosen: a normal prior goes so far once in 16,000. Measured: no verdict of 108 development worlds changes by it, that
-# on a throwing robot's tracks does, with which in view it was set (git show archive-1:archive/discovery-internals.md)
-CREDIBLE_SD = 4.0                     # standard deviations of a prior, in which a term's number is believable
+# Derived: normal quantile 0.9995
+CREDIBLE_SD = 3.29                    # standard deviations of a prior, in which a term's number is believable
+PLAIN = "drag"                        # the term of a plainer model: every ball has it
 
 
 @dataclass(frozen=True)
@@ -90,6 +100,7 @@ class Step:
     unexplained: probability of a change that no term explains, alone or beside one; change: the likeliest such change,
     with the name that it stands beside.
     unknown, chosen: the decision. No term explains it; else the columns of the terms that it may be, likeliest first.
+    withheld: why it has no name although one explains it; "" where that is not so.
     """
 
     naming: Naming
@@ -104,6 +115,7 @@ class Step:
     change: Hypothesis | None = None
     unknown: bool = False
     chosen: tuple[str, ...] = ()
+    withheld: str = ""
 
     @property
     def refit(self) -> LauncherFit:
@@ -168,32 +180,79 @@ class Weighed:
 
 def decide(fitted: LauncherFit, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
     """The effects that are reported, in the order in which they were found; at least one."""
+    return guarded(found_effects(fitted, place, search, progress))
+
+
+def guarded(steps: tuple[Step, ...]) -> tuple[Step, ...]:
+    """The effects up to the first whose names a guard withholds, that one without a name."""
+    for k, step in enumerate(steps):
+        why = "" if step.unknown else next(filter(None, (guard(step) for guard in GUARDS)), "")
+        if why:
+            label = step.fitted.model.catalogue.find((step.naming.leader.partition(".")[0],))[0].label
+            return (*steps[:k], replace(step, unknown=True, withheld=f"with {label}, {why}"))
+    return steps
+
+
+def at_limit(step: Step) -> str:
+    found = stopped(step.refit.scores, step.refit.model.catalogue)
+    return ", ".join(f"{name} stopped at {value:.4g}, the end of its range" for name, value in found.items())
+
+
+def out_of_nature(step: Step) -> str:
+    return ", ".join(f"{name} would have to be {value:.3g}" for name, value in strange(step.refit).items())
+
+
+def too_large(step: Step) -> str:
+    """Judged without the room for error that naming leaves it."""
+    found, usual = step.refit, step.column.usual
+    size = abs(float(found.amplitude[0]))
+    return (f"{found.names[0]} would have to be {size / usual:.1f} times as large as is usual in such a place"
+            if size > MOST_USUAL * usual else "")
+
+
+def no_better(step: Step) -> str:
+    """Compared shot by shot: by less than the standard error of the mean."""
+    fitted, plain = step.fitted, [("what is believed", step.before)]
+    name = column_of(PLAIN, fitted.model.catalogue) if fitted.model.catalogue.get(PLAIN) is not None else ""
+    if name in step.naming.nats and name not in (step.naming.leader, *step.base):
+        refit = step.naming.refits.get(name) or fitted.with_terms((name,), np.zeros(1))
+        plain.append((f"{PLAIN} alone", refit.scores.held_out()))
+    for what, score in plain:
+        gain = step.after - score
+        if gain.mean() <= clustered_error(gain, fitted.scores.together):
+            return f"{what} forecasts unseen shots as well"
+    return ""
+
+
+# in the order in which they are asked: what is quick comes first
+GUARDS: tuple[Callable[[Step], str], ...] = (at_limit, out_of_nature, too_large, no_better)
+
+
+def found_effects(fitted: LauncherFit, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
     found = search.weigh(fitted, place, (), part_of(progress, 0.0, 0.5))
     posterior, whole = found.posterior, one_effect(found)
-    if out_of_nature(whole.refit, fitted):                                                      # row 1
-        return (as_unknown(whole),)
     varies = posterior.share("varies") >= LIKELY
-    if says_nothing(whole.naming) or not (varies or holds_more(posterior)):                     # row 2
+    if says_nothing(whole.naming) or not (varies or holds_more(posterior)):                     # row 1
         return (whole,)
     both = not varies and posterior.share("both") > posterior.share("two")
     first = as_named(found.beside(), posterior, True) if both else as_named(found.step, posterior)
     named = fitted.beside(first.refit)
     left = search.left(named)
-    if left is None:                                                                            # rows 3 and 4
+    if left is None:                                                                            # rows 2 and 3
         return (first if posterior.share("both") >= LIKELY and 1.0 - posterior.unexplained() > ANY else whole,)
     if varies or both:
         change = posterior.likeliest_change(first.naming.leader)
         if both and place is not None and change is not None and _direction(fitted, change) == (
-                first.column.direction):                                                        # row 5
+                first.column.direction):                                                        # row 4
             return (as_unknown(whole),)
     else:
         pair, change = posterior.likeliest_pair(), None
-        if pair is None:                                                                        # row 7
+        if pair is None:                                                                        # row 6
             return (whole,)
-        if not out_of_nature(pair, first.refit):                                                # row 8
+        if not strange(pair).keys() - strange(first.refit).keys():                              # row 7
             two = take_apart(fitted, first, pair, part_of(progress, 0.5, 0.3))
             return (*map(as_named, two.steps), *_beside_both(two.both, two.names, search, part_of(progress, 0.8, 0.2)))
-    # row 6
+    # row 5
     return (first, *map(as_unknown, rest_beside(named, search.where(named, left), first.naming.leader, change)))
 
 
@@ -302,19 +361,16 @@ def take_apart(fitted: LauncherFit, first: Step, pair: LauncherFit, progress: Pr
                 fitted.beside(fitted.with_terms(names, start)))
 
 
-def out_of_nature(found: LauncherFit, before: LauncherFit) -> bool:
-    """Whether the fit moves a number that was there before to CREDIBLE_SD standard deviations from what the catalogue
-    knows: then the term that was added stands for something else. Numbers of an earlier session may change."""
-    known = {column.name for column in before.model.layout.columns[before.model.layout.first_shared:]}
-    return bool((_strange(found) - _strange(before)) & known)
-
-
-def _strange(fit: LauncherFit) -> set[str]:
+def strange(fit: LauncherFit) -> dict[str, float]:
+    """Return the numbers of believed terms and of the tracker that lie CREDIBLE_SD standard deviations of the fit's
+    prior or more from its centre: a term that was added may stand for something else. Numbers of an earlier session may
+    change."""
     layout, first = fit.model.layout, fit.model.layout.first_shared
     sd = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
-    far = np.abs(fit.scores.point[first:] - layout.centre) > CREDIBLE_SD * sd
-    return {one.name for one, out in zip(layout.columns[first:], far & layout.in_slot[first:], strict=True)
-            if out and not one.told}
+    far = layout.in_slot[first:] & (np.abs(fit.scores.point[first:] - layout.centre) > CREDIBLE_SD * sd)
+    return {column.name: float(value) for column, value, out in zip(layout.columns[first:], fit.scores.point[first:],
+                                                                    far, strict=True)
+            if out and not column.told and column.name not in fit.names}
 
 
 def unseen_scores(naming: Naming, fitted: LauncherFit) -> tuple[Each, Each, Each]:

@@ -1,6 +1,6 @@
-"""The records that discovery writes, `truearc.finding/1` and `truearc.proposal/1`, and its defaults and limits.
+"""The records that discovery writes, `truearc.finding/1` and `truearc.proposal/1`, and discovery's defaults and limits.
 
-This module has no heavy imports, because the command line shows the defaults in --help. Fields that do not apply are
+This module has no heavy imports, because the command line shows the defaults in --help. A field that does not apply is
 None (null in JSON). A proposal changes nothing on a robot.
 """
 
@@ -132,6 +132,7 @@ class FoundEffect(Struct, frozen=True):
     set: tuple[str, ...] | None       # as in the finding
     unknown: Unknown | None           # as in the finding
     unexplained: float | UnsetType = UNSET         # as in the finding
+    withheld: str | UnsetType = UNSET              # as in the finding
 
 
 class FitSummary(Struct, frozen=True):
@@ -186,6 +187,7 @@ class FindingRecord(Struct, frozen=True):
     unexplained: float | UnsetType = UNSET         # probability of an effect of no term, alone or beside a term
     adoption: Adoption | UnsetType = UNSET         # absent where nothing was found, or no target tells points
     tracker: FoundEffect | UnsetType = UNSET       # errors of its calibration, or changes since `since`
+    withheld: str | UnsetType = UNSET              # why an effect that a term explains has no name
 
 
 def load_record(path: str | Path) -> FindingRecord:

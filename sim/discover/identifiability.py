@@ -1,13 +1,13 @@
-"""Which effects a kind of data can identify, by the expected Fisher information of every term.
+"""Identifiability: which effects a kind of data can reveal, by the expected Fisher information of every term.
 
-A term has the efficient information I_ee - I_en I_nn^-1 I_ne, the part that the fitted coefficients, scatters and
-random effects leave. Its score is normal with that variance, and an effect shifts it by size times information. An
-effect is detected if its score exceeds a simulated threshold for the largest score over all terms when no effect is
-present, at the share of the false-alarm rate that discovery allots to terms. Information grows with the number of
-shots.
+The efficient information of a term is I_ee - I_en I_nn^-1 I_ne, the part that the fitted coefficients, scatters and
+random effects cannot absorb. The term's score is normal with that variance, and an effect shifts the score by its size
+times the information. An effect is detected if its score exceeds a simulated threshold. When no effect is present, the
+largest score over all terms exceeds this threshold at the share of the false-alarm rate that discovery allots to terms.
+Information grows with the number of shots.
 
-A planned season consists of configurations that reach the target under the belief, with the data to be recorded. Its
-outcomes do not matter: only the expected information is computed from it.
+A planned season consists of configurations that reach the target under the belief, together with the kinds of data to
+be recorded. Its outcomes do not matter, because only the expected information is computed from it.
 """
 
 from collections.abc import Mapping

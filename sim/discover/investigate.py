@@ -1,6 +1,6 @@
 """Discovery: the detection, localization and naming of a mismatch, and the gain from a simulation that includes it.
 
-The belief from an investigation has fitted coefficients, every named effect, and their covariance.
+The belief from an investigation contains the fitted coefficients, every named effect, and their covariance.
 
 A later session may use different balls. A fit with random effects of balls then attributes much of any change in the
 robot to the balls and forecasts that session equally well, but the next session uses different balls again. A belief is
@@ -8,9 +8,9 @@ therefore judged without the session's random effects of balls. If its forecasts
 interval, it is not adopted, even if it gains with this session's balls; if they are not worse, it is adopted even
 without such a gain.
 
-Next it is judged by points (truearc.sim.discover.select.simulations): it is refused if hold-out shots aimed and gated
-with it would have scored fewer points than with the present belief. The mean decides, not its interval: keeping the
-present belief costs nothing, and a robot should not be changed for an expected loss.
+The belief is then judged by points (truearc.sim.discover.select.simulations): it is refused if hold-out shots that are
+aimed and gated with it would have scored fewer points than with the present belief. The mean decides, not its interval:
+keeping the present belief costs nothing, and a robot should not be changed for an expected loss.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -278,6 +278,8 @@ def judge_adoption(investigation: Investigation, gain: "Gain | None" = None,
         raise ValueError("the data carry no test, so nothing was fitted")
     measures = gain or usual_gain, threshold
     everything, why = _best_flown(investigation)
+    if withheld := next((step.withheld for step in everything if step.withheld), ""):
+        everything, why = tuple(step for step in everything if not step.unknown), withheld
     named = tuple(step for step in everything if not step.unknown)
     tried = (everything, named) if 0 < len(named) < len(everything) else (everything,) if everything else ()
     trials = (Simulation.of(investigation, steps, *measures) for steps in tried)

@@ -1,10 +1,10 @@
-"""Next steps: shots or a measurement that separate the remaining names, and their probability of doing so.
+"""Next steps: shots or a measurement that would separate the remaining names, and the probability that they do so.
 
-Candidates are configurations already shot: they are safe and within reach, and their information is known from these
-data. The same place and hood with slightly slower or faster wheels, within the range of recorded speeds, is a candidate
-too: drivers aim at the middle of the target, and outcomes are most informative at its edge. Blocks of shots are chosen
-greedily by the separation that they add between every pair of names (Fedorov's exchange without the backward step; the
-criterion of Box and Hill 1967 in its linear form).
+The candidates are configurations that were already shot: they are safe and within reach, and their information is known
+from these data. The same place and hood angle with slightly slower or faster wheels, within the range of recorded
+speeds, is a candidate too, because drivers aim at the middle of the target and outcomes are most informative at its
+edge. Blocks of shots are chosen greedily by the separation that they add between every pair of names (Fedorov's
+exchange without the backward step; the criterion of Box and Hill 1967 in its linear form).
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

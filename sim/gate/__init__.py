@@ -1,1 +1,1 @@
-"""Physics-informed gate: forecast, learned residual, calibration and domain of validity."""
+"""The physics-informed gate: its forecast, learned residual, calibration and domain of validity."""

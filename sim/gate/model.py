@@ -1,19 +1,20 @@
-"""Physics-informed gate and its fit: height at the plane = physics + a small learned residual + noise.
+"""The physics-informed gate and its fit: height at the plane = physics + a small learned residual + noise.
 
     y = h(x) - centre + r(x) + sigma(x) e,   e standard normal
     r(x) = height_width b . q(z) + speed_width (dh / dlog v)(x) c . q(z),   q = 1, z, z z' (10 functions)
     sigma(x)^2 = scale^2 propagated(x)^2 + floor^2
     three where |y| < three half-height, two where |y| < two half-height; a lapse gives any outcome
 
-The second part of r is a deviation of the exit speed from the launch terms, the first part everything else. All fitted
-numbers are standard normal a priori: b and c directly, the others as logarithms standardised by PRIORS. The evidence
-determines the prior width of the residual. A weights directory holds the gate as physics.json, which determines its
-probabilities, and training.json.
+The second part of r is a deviation of the exit speed from that of the launch terms; the first part is everything else.
+All fitted numbers are standard normal a priori: b and c directly, and the others as logarithms standardised by PRIORS.
+The evidence determines the prior width of the residual. A weights directory holds the gate in physics.json, which
+determines its probabilities, and training.json.
 
 Novelty is the distance of a configuration from the recorded ones. It defines a domain of validity that follows the
-recorded cloud, because the box around the cloud has empty corners, where nothing is known. It is the distance to the
-NEIGHBOUR-th nearest recorded configuration, each feature in its standard deviations, divided by the largest distance
-that counts as known: the LARGEST_QUANTILE of the recorded configurations' own distances, each without itself.
+recorded cloud, because the box around the cloud has empty corners, where nothing is known. Novelty is computed as the
+distance to the NEIGHBOUR-th nearest recorded configuration, with each feature in its standard deviations, divided by
+the largest distance that counts as known. That distance is the LARGEST_QUANTILE of the recorded configurations' own
+distances, each computed without the configuration itself.
 """
 
 from dataclasses import dataclass, replace

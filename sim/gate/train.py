@@ -1,13 +1,14 @@
-"""Training of the physics-informed gate from shots and a belief, its value on unseen shots, and its polynomial.
+"""Training of the physics-informed gate from shots and a belief, its value on unseen shots, and its polynomial form.
 
 In the exported graph a polynomial replaces simulated flights: it gives the gate's mean and spread over its domain. Its
 terms are products of Chebyshev polynomials T_i(u) T_j(v) T_k(w), i + j + k <= degree; u, v and w are the features
 mapped from the domain's box to [-1, 1] and clipped. One set of coefficients gives the mean height minus the target's
-centre in m, another its variance in m2, which is a sum of smooth functions, unlike its logarithm or inverse. The
-least-squares fit on a Chebyshev grid favours points where the probabilities are sensitive (a shot three metres low is a
-miss regardless of the third decimal) and points inside the domain, where novelty is at most 1. Heights far from the
-target, and their spread, are compressed before the fit: no polynomial can follow the slopes of balls that stall or turn
-back. If even the highest degree is too inaccurate, the domain is narrowed; outside it the robot holds.
+centre in m, and another gives its variance in m2, which, unlike its logarithm or inverse, is a sum of smooth functions.
+The least-squares fit on a Chebyshev grid favours points where the probabilities are sensitive (a shot three metres low
+is a miss regardless of the third decimal) and points inside the domain, where novelty is at most 1. Heights far from
+the target, and their spread, are compressed before the fit: no polynomial can follow the slopes of balls that stall or
+turn back. If even the highest degree is too inaccurate, the domain is narrowed; outside the domain, the robot holds its
+fire.
 """
 
 import itertools

@@ -8,7 +8,7 @@
     [provenance]
     method = "grid"
 
-A likelihood fit adds two tables, which the grid fit does not write:
+A likelihood fit adds two tables that the grid fit does not write:
 
     [scatter]
     speed = 0.021                     # standard deviation of the log of the exit speed
@@ -17,9 +17,10 @@ A likelihood fit adds two tables, which the grid fit does not write:
     names = ["drag.cd", "scatter.speed"]
     matrix = [[0.01, 0.0], [0.0, 0.04]]
 
-The matrix is the covariance of the numbers on each parameter's own scale (truearc.sim.physics.term, given by its prior
-in the catalogue; for scatters the logarithm), on which the belief is approximately normal. An unexplained effect is a
-free curve: its size as a function of a covariate.
+The matrix is the covariance of the numbers, each on its parameter's own scale, on which the belief is approximately
+normal. The prior in the catalogue gives this scale (truearc.sim.physics.term); for scatters it is the logarithm.
+
+An unexplained effect is a free curve, which gives its size as a function of a covariate:
 
     [free_speed]                      # the changed quantity, a term of truearc.sim.physics.catalogue
     share = 1.0
@@ -31,8 +32,8 @@ free curve: its size as a function of a covariate.
     high = 7.6
     otherwise = 0.02                  # if the covariate is unknown: the mean over the recorded shots
 
-Between the knots it is the natural cubic spline of discovery's own fit, beyond the outer ones a straight line. Its
-points are also numbers of the belief: "curve.free_speed.0", "curve.free_speed.1", ...
+Between the knots, the curve is the natural cubic spline of discovery's own fit; beyond the outer knots, it is a
+straight line. Its points are also numbers of the belief: "curve.free_speed.0", "curve.free_speed.1", ...
 """
 
 import math

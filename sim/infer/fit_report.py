@@ -1,4 +1,4 @@
-"""The text report of a fit: its numbers, which of them are aliased, and how well it predicts outcomes."""
+"""The text report of a fit: its numbers, which of them are aliased, and how well the fit predicts outcomes."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,24 +1,25 @@
 """Intervals for fitted numbers, by profile likelihood for one fit and by pooling for several.
 
-Profile likelihood: the range of one parameter while all others adjust (Raue et al. 2009).
+Profile likelihood gives the range of one parameter while all others adjust (Raue et al. 2009).
 
 A Hessian describes only the neighbourhood of the optimum; a profile continues until the fit has actually become worse,
 and shows whether the data or only the prior stopped it. The profile is adjusted for the precision of the other
-parameters (Cox and Reid 1987; Laplace's approximation of the marginal posterior): minus log posterior plus half the log
-determinant of the others' curvature. Without this adjustment a scatter that is fitted together with coefficients from
-the same shots is too small and its interval too short.
+parameters (Cox and Reid 1987; Laplace's approximation of the marginal posterior): it is minus the log posterior plus
+half the log determinant of the others' curvature. Without this adjustment, a scatter that is fitted together with
+coefficients from the same shots is too small, and its interval is too short.
 
-Flights are linearised about the optimum during the search; each end is corrected with new flights.
+Flights are linearised about the optimum during the search; each end of an interval is then corrected with new flights.
 
-If a simulation lacks an effect that tracks show, they disagree by far more than their noise, and no likelihood gives a
-parameter's error. The spread of the shots' scores still does (sandwich estimate: Huber 1967, White 1982).
+If a simulation lacks an effect that tracks show, the tracks disagree with it by far more than their noise, and no
+likelihood gives a parameter's error. The spread of the shots' scores still does (sandwich estimate: Huber 1967, White
+1982).
 
-Pooling of several rigs or sessions: a hierarchical model of their numbers (Gelman et al. 2013, chapter 5).
+Pooling of several rigs or sessions uses a hierarchical model of their numbers (Gelman et al. 2013, chapter 5).
 
 Number k of member i is theta_ik ~ N(mu_k, tau_k^2), each on its own scale. The likelihood of a member's numbers is
-normal: the result of its fit with the fit's prior removed. mu has the prior of a single fit, tau a half-normal prior,
-which is narrower for sessions of one rig than for several rigs. mu and theta are integrated out; tau is drawn from its
-posterior by Gibbs sampling on a grid whose points its prior makes equally likely.
+normal: the result of its fit with the fit's prior removed. mu has the prior of a single fit, and tau has a half-normal
+prior, which is narrower for sessions of one rig than for several rigs. mu and theta are integrated out; tau is drawn
+from its posterior by Gibbs sampling on a grid whose points its prior makes equally likely.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The launcher as a fit's model: its shots and columns, where the optimization starts and ends, and its belief."""
+"""The launcher as the model of a fit: its shots and columns, where the optimization starts and ends, and its belief."""
 
 import itertools
 import math

@@ -1,6 +1,6 @@
 """The interface between a fit and a simulation. Any system that implements it can be fitted and tested.
 
-A column is a number that is fitted ("shared") or only tested, such as a term's amplitude; p of the P columns are
+A column is a number that is either fitted ("shared") or only tested, such as a term's amplitude; p of the P columns are
 shared. A point is the linearization point of a simulation; it belongs to the model and is opaque to other code.
 """
 

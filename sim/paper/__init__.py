@@ -1,4 +1,4 @@
-"""The paper's own method: grid fit, synthetic data, network, training and sweep; and its defaults.
+"""The paper's own method (grid fit, synthetic data, network, training and sweep), and its defaults.
 
 The command line uses the same defaults, so this module loads no numerical library.
 """

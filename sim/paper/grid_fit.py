@@ -1,4 +1,4 @@
-"""Grid search of the paper (sections III-A and IV-C) over all pairs of drag and lift coefficients on a square grid.
+"""The paper's grid search (sections III-A and IV-C) over all pairs of drag and lift coefficients on a square grid.
 
 `fit_grid` simulates all pairs and chooses one; `score` rates coefficients by the paper's measures (Table I); `explain`
 and `draw_map` report the fit.

@@ -1,9 +1,9 @@
 """Vectorised flights for the grid, 64 at a time, by the paper's equation of motion: gravity, drag and lift in a plane.
 
-The flight equals that of truearc.sim.physics.flight, with scalars instead of arrays: Runge-Kutta steps with a step
-length for each lane; the turning point and the crossings of plane and floor are found within the last step. It
-continues through the floor down to `deepest_m`, so that the height at the plane is continuous in the coefficients; the
-lowest height on the way is also returned.
+The flight equals that of truearc.sim.physics.flight, with scalars instead of arrays. It is integrated by Runge-Kutta
+steps with a step length for each lane; the turning point and the crossings of the plane and the floor are found within
+the last step. The flight continues through the floor down to `deepest_m`, so that the height at the plane is continuous
+in the coefficients; the lowest height on the way is also returned.
 """
 
 import math

@@ -1,9 +1,9 @@
-"""Labels of launches at every pair of the coefficient grid, from a few flights and interpolation.
+"""Labels for launches at every pair of coefficients on the grid, interpolated from a few flights.
 
-A cell is a block of grid points of one launch. Its flights are computed at 8 x 8 Chebyshev-Lobatto nodes; between them
-the height at the plane is a polynomial if all nodes reach the plane and the last coefficients are small. Points whose
-height is too close to a bound of the target for that polynomial are marked for flights of their own. Maps are [cl, cd];
-functions compiled by numba work on cells [first, last) of their arrays.
+A cell is a block of grid points for one launch. Its flights are computed at 8 x 8 Chebyshev-Lobatto nodes. Between the
+nodes, the height at the plane is taken to be a polynomial if all nodes reach the plane and the last coefficients are
+small. Points whose height is too close to a bound of the target for that polynomial are marked for flights of their
+own. Maps are indexed [cl, cd]. Functions compiled by numba work on the cells [first, last) of their arrays.
 """
 
 from concurrent.futures import ThreadPoolExecutor

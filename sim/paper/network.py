@@ -1,6 +1,7 @@
-"""Network of the paper, its training rows and their splits, and its measures: loss, accuracy and domain.
+"""The paper's network, its training rows and their splits, and its measures: loss, accuracy and domain.
 
-Three features, eight hidden nodes, two probabilities, a sigmoid after each layer. truearc.sim.paper.train_many trains.
+The network has three features, eight hidden nodes and two output probabilities, with a sigmoid after each layer. It is
+trained by truearc.sim.paper.train_many.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""A sweep of training runs over amounts and weights of simulated data, and its results."""
+"""A sweep of training runs over the amounts and weights of simulated data, and its results."""
 
 import math
 from collections.abc import Sequence

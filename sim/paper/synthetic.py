@@ -1,4 +1,4 @@
-"""Simulated shots of the paper (III-B): a grid of configurations, flown, labelled and sampled evenly by outcome.
+"""The paper's simulated shots (III-B): a grid of configurations that is flown, labelled and sampled evenly by outcome.
 
 The paper mentions 375,000 configurations; its stated ranges and steps, taken inclusively, give 101 x 61 x 76 = 468,236,
 and all of these are flown.

@@ -3,17 +3,17 @@
 This module makes the choices that the paper leaves open. Features are standardised with the mean and standard deviation
 of the recorded training rows; the cross-entropies of the two outputs are summed and averaged over the ten rows.
 Training length is counted in steps (minibatches, Adam updates), not epochs: an epoch is one pass over the simulated
-rows, so equal epochs would give a network with 1250 simulated rows two and a half times the updates of one with 500,
-and the sweep over sizes would measure the length of training. With validation rows, the weights with the lowest
-cross-entropy on them are kept, and training stops after `patience` steps without improvement. The lengths were chosen
-on one session of the emulated robot (seed 11, 119 shots, 900 simulated, 32 splits; a fifth held out, a quarter of the
-rest for validation): held-out cross-entropy is 0.857 +- 0.026 with these lengths, 0.869 with half the patience. Without
-stopping, validation cross-entropy is 0.90 after 200 000 steps and 1.23 after 2 million: the network memorises its
-hundred shots.
+rows, so an equal number of epochs would give a network with 1250 simulated rows two and a half times the updates of one
+with 500, and the sweep over sizes would measure the length of training. With validation rows, the weights with the
+lowest cross-entropy on them are kept, and training stops after `patience` steps without improvement. The lengths were
+chosen on one session of the emulated robot (seed 11, 119 shots, 900 simulated, 32 splits; a fifth held out, a quarter
+of the rest for validation): held-out cross-entropy is 0.857 +- 0.026 with these lengths, 0.869 with half the patience.
+Without stopping, validation cross-entropy is 0.90 after 200 000 steps and 1.23 after 2 million: the network memorises
+its hundred shots.
 
-A compiled loop trains one network, so several networks can train in parallel threads. The gradient is written out;
-tests compare it with NumPy and JAX. Layout of the parameters [50]: hidden_w (feature by feature, 8 nodes each),
-hidden_b, out_w (node by node, 2 outputs each), out_b.
+A compiled loop trains one network, so several networks can train in parallel threads. The gradient is written out by
+hand; tests compare it with NumPy and JAX. The parameters [50] are laid out as hidden_w (feature by feature, 8 nodes
+each), hidden_b, out_w (node by node, 2 outputs each), out_b.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Point-mass physics of the paper in JAX: wheels -> ball state -> trajectory -> height at the plane (float64)."""
+"""The paper's point-mass physics in JAX: wheels -> ball state -> trajectory -> height at the plane (float64)."""
 
 import jax
 

@@ -1,7 +1,7 @@
 """The flight of the ball to a vertical plane, following Eqs. 4-10 of the paper, integrated over time or over x.
 
-`fly` integrates over time. The plane is reached if the point mass crosses x = distance for the first time before it
-hits the floor (z = 0) and before it turns back (vx <= 0). docs/how-to/paper.md explains this choice.
+`fly` integrates over time. The ball reaches the plane if the point mass crosses x = distance for the first time before
+it hits the floor (z = 0) and before it turns back (vx <= 0). docs/how-to/paper.md explains this choice.
 
 `reach_plane` integrates the same law over x for likelihoods: the height at the plane is a smooth function, computed in
 a small fixed number of steps, with cheap second derivatives. The flight continues through the floor; only a ball that

@@ -1,4 +1,4 @@
-"""Simulator of the paper: recorded configuration -> height at the target plane -> outcome."""
+"""The paper's simulator: recorded configuration -> height at the target plane -> outcome."""
 
 import math
 from collections.abc import Mapping

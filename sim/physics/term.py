@@ -1,13 +1,13 @@
-"""Term, a hypothesis about the physics: its name, stage, numbers, wording, instrument and contribution.
+"""A Term, which is a hypothesis about the physics: its name, stage, numbers, wording, instrument and contribution.
 
-Stages of a shot: sensor readings -> SensingTerm -> true values -> LaunchTerm -> exit state of the ball -> AirTerm,
-FlightTerm -> flight -> ArrivalTerm -> outcome; a WatchTerm describes a tracker that observes the flight. Hooks receive
-effective values: parameters as Term.at_shot returns them, scalars or one per lane.
+The stages of a shot are: sensor readings -> SensingTerm -> true values -> LaunchTerm -> exit state of the ball ->
+AirTerm, FlightTerm -> flight -> ArrivalTerm -> outcome; a WatchTerm describes a tracker that observes the flight. Hooks
+receive effective values, which are the parameters as Term.at_shot returns them, either scalars or one value per lane.
 
 A term is self-contained: no other module keeps a table keyed by the names of terms. A catalogue checks each term for
 completeness when it is added.
 
-Vectors are three separate arrays: x toward the target, y left, z up.
+A vector is three separate arrays: x toward the target, y left and z up.
 """
 
 import math

@@ -1,11 +1,11 @@
-"""Equation of motion of a motor and its load, its exact simulation, and its fit to speeds.
+"""The equation of motion of a motor and its load, its exact simulation, and its fit to speeds.
 
     effort = ks(direction) + kv w + kq w |w| + ka dw/dt
 
-with the effort constant between its changes and the speed read `delay` late. The data of a fit are an effort over time
-and the resulting speeds, cut into pieces of motion in one direction, within which the law and its slopes are smooth.
-Least squares compares trajectories, never derivatives of measured values; every piece has its own starting speed, so
-that a disturbance of one piece does not affect the next.
+The effort is constant between its changes, and the speed is read `delay` late. The data of a fit are an effort over
+time and the resulting speeds. They are cut into pieces of motion in one direction, within which the law and its slopes
+are smooth. Least squares compares trajectories, never derivatives of measured values; every piece has its own starting
+speed, so that a disturbance of one piece does not affect the next.
 """
 
 from collections.abc import Sequence

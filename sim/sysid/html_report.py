@@ -1,4 +1,4 @@
-"""HTML report of a system identification: efforts, measured and forecast speeds, and the fitted numbers."""
+"""The HTML report of a system identification: efforts, measured and forecast speeds, and the fitted numbers."""
 
 import html
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Records of effort and resulting speed for a fit, from a session of `truearc sysid` or from a table.
+"""Records of effort and resulting speed to be fitted, read from a session of `truearc sysid` or from a table.
 
 The base installation on the robot can read sessions; only tables need pyarrow.
 """

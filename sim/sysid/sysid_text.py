@@ -1,9 +1,9 @@
-"""Fitted numbers and the resulting gains, as text and as TOML to paste into launcher.toml.
+"""The fitted numbers and the resulting gains, as text and as TOML to paste into launcher.toml.
 
-Gains follow the SIMC rules (S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, J.
+The gains follow the SIMC rules (S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, J.
 Process Control 13 (2003) 291-309) with the closed-loop time constant equal to the dead time (tau_c = theta), for a
-first-order and a double-integrating process. Dead time is the sum of the measured delay, half a reading's age, half a
-tick for the held torque, and the delay of the derivative filter.
+first-order and a double-integrating process. The dead time is the sum of the measured delay, half a reading's age, half
+a tick for the held torque, and the delay of the derivative filter.
 """
 
 import math

@@ -1,1 +1,1 @@
-"""Emulated robot: MuJoCo world, composition, device server and pacing."""
+"""The emulated robot: its MuJoCo world, composition, device server and pacing."""

@@ -1,9 +1,9 @@
-"""Emulated robot: the robot's own code at one end of every wire; devices, a world and a driver at the other.
+"""The emulated robot: the robot's own code at one end of every wire; devices, a world and a driver at the other end.
 
-`emulate` runs both in one process on a stepped clock; `serve` runs the devices alone, in real time, for a robot in
+`emulate` runs both ends in one process on a stepped clock; `serve` runs the devices alone, in real time, for a robot in
 another process. Camera and vision run in a process of their own, as on the robot: rendering and evaluating an image
-takes longer than a tick and overlaps with the ticks until the image is due. Only the stepped clock determines the
-readings of the rig and their times: the rig waits for a reading that is due.
+takes longer than a tick and overlaps with the ticks until the image is due. Only the stepped clock determines the rig's
+readings and their times, because the rig waits for a reading that is due.
 """
 
 import contextlib

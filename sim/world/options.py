@@ -1,4 +1,4 @@
-"""Schema of world.toml: possible defects of the emulated robot and its surroundings, each with a realistic default.
+"""The schema of world.toml: possible defects of the emulated robot and its surroundings, with realistic defaults.
 
 Neither the runtime nor the fit ever reads this file.
 """

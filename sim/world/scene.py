@@ -1,6 +1,6 @@
 """Balls and their passage between the wheels: a roller feeds a ball along a chute, and MuJoCo computes its contacts.
 
-`scenes/` has the two MuJoCo models: the nip (a ball between two geared wheels) and free flight.
+`scenes/` contains the two MuJoCo models: the nip (a ball between two geared wheels) and free flight.
 """
 
 import math

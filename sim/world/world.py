@@ -1,9 +1,9 @@
 """The emulated world as a Plant (launcher, battery, balls and air), and seasons of shots played directly in it.
 
-A season is played on a bench-mounted launcher, without buses and images. The bench brings the wheels and hood of a
-world to set points and feeds balls; it uses true values, not sensors. Sensor readings come from the world as the
-emulated devices read it (encoders with their errors); the camera's distance is the true distance measured with a wrong
-focal length and noise.
+A season is played on a bench-mounted launcher, without buses or images. The bench brings the wheels and hood of a world
+to their set points and feeds balls; it uses true values, not sensors. The sensor readings come from the world as the
+emulated devices read it (encoders with their errors); the camera's distance is the true distance as measured with a
+wrong focal length and noise.
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""Find physics that the simulation lacks, predict what shots could show, and plan the next shots."""
+"""Find the physics that the simulation lacks, predict what shots could show, and plan the next shots."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Monitor the shots since a belief, and propose another belief if something has changed."""
+"""Monitor the shots fired since a belief was formed, and propose another belief if something has changed."""
 
 import hashlib
 from collections.abc import Collection, Iterable

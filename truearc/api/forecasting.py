@@ -1,4 +1,4 @@
-"""Forecast shots with a belief or a gate, and find the set points that score most under a belief."""
+"""Forecast shots with a belief or a gate, and find the set points that score the most points under a belief."""
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping

@@ -1,7 +1,7 @@
-"""Common parts of commands: option types, refusals, shared options and files, progress, and the rule for outputs.
+"""The common parts of commands: option types, refusals, shared options and files, progress, and the rule for outputs.
 
-An existing output is refused unless `--force` is given, which replaces it; the `type=` of an option marks it as an
-output. Recorded sessions and rounds of proof are never replaced.
+An output that exists already is refused unless `--force` is given, which replaces it. The `type=` of an option marks
+the option as an output. Recorded sessions and proof rounds are never replaced.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Commands that make and check datasets: `init`, `import`, `shots`, `check`."""
+"""The commands that make and check datasets: `init`, `import`, `shots` and `check`."""
 
 import argparse
 import shlex

@@ -1,4 +1,4 @@
-"""Commands for inference from shots: `fit`, `predict`, `discover`, `design`, `identifiability`."""
+"""The commands for inference from shots: `fit`, `predict`, `discover`, `design` and `identifiability`."""
 
 import argparse
 import math

@@ -1,4 +1,7 @@
-"""Implementation of `truearc doctor`: opens each wire in turn, collects findings, and with --move moves the robot."""
+"""Implementation of `truearc doctor`.
+
+The command opens each wire in turn and collects findings; with --move, it also moves the robot.
+"""
 
 import argparse
 import os

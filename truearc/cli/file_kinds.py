@@ -1,4 +1,4 @@
-"""Kinds of files, by which an error of a command that was given another kind ends in the command to use."""
+"""Recognition of file kinds, so that a command given the wrong kind of file can name the command to use instead."""
 
 import argparse
 import re

@@ -1,7 +1,7 @@
-"""Commands for the gate (`train`, `export`, `verify`, `serve`), and the process that answers the page's queries.
+"""The commands for the gate (`train`, `export`, `verify`, `serve`), and the process that answers the page's queries.
 
-`python -m truearc.cli.gate FILE P [SPEED]` runs that process: P is the threshold of p(three), SPEED the free speed of
-the motors in rad/s.
+`python -m truearc.cli.gate FILE P [SPEED]` runs that process: P is the threshold of p(three), and SPEED is the free
+speed of the motors in rad/s.
 """
 
 import argparse

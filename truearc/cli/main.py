@@ -1,6 +1,6 @@
-"""Dispatch of the command line: the table of commands, parsers, completion, and errors as messages and exit codes.
+"""Dispatch of the command line: the table of commands, parsers, completion, and the messages and exit codes of errors.
 
-Listing the commands imports none of them: `commands.toml` describes truearc's own commands.
+Listing the commands imports none of them, because `commands.toml` describes truearc's own commands.
 """
 
 import argparse

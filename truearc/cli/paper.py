@@ -1,4 +1,4 @@
-"""Commands for the paper's own method: `paper fit`, `synth`, `train`, `sweep`."""
+"""The commands for the paper's own method: `paper fit`, `synth`, `train` and `sweep`."""
 
 import argparse
 import sys

@@ -1,4 +1,4 @@
-"""Commands for a launcher and its camera: `run`, `doctor`, `emulate`, `sysid`, `vision` and its calibration."""
+"""The commands for a launcher and its camera: `run`, `doctor`, `emulate`, `sysid`, `vision` and its calibration."""
 
 import argparse
 import hashlib

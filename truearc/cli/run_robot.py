@@ -1,4 +1,4 @@
-"""Implementation of `truearc run` and of the drives of `truearc sysid`: opens the wires, records and runs."""
+"""Implementation of `truearc run` and of the drives of `truearc sysid`: opening the wires, recording and running."""
 
 import argparse
 import gc

@@ -1,4 +1,4 @@
-"""Commands for recorded sessions: `session replay`, `recover`, `convert`."""
+"""The commands for recorded sessions: `session replay`, `recover` and `convert`."""
 
 import argparse
 import sys

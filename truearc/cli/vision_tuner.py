@@ -1,4 +1,4 @@
-"""Implementation of `truearc vision-tune`, a page that measures pictures or the live camera with changed settings.
+"""The page of `truearc vision-tune`, which measures pictures or the live camera's images with changed settings.
 
 The page loads nothing from other machines.
 """

@@ -1,1 +1,1 @@
-"""Maps of logs and tables of the FIRST Robotics Competition (`truearc import --map`), one shots.toml each."""
+"""Maps for the logs and tables of FIRST Robotics Competition teams (`truearc import --map`), one shots.toml each."""

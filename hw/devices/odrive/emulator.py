@@ -1,4 +1,4 @@
-"""An emulated ODrive axis with byte-exact frames, documented rates and the device's own safety limits."""
+"""An emulated ODrive axis with byte-exact frames, the documented rates and the device's own safety limits."""
 
 import math
 from collections.abc import Callable

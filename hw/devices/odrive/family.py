@@ -1,7 +1,7 @@
 """The ODrive as a MotorFamily: its table, motor driver, bus rules, doctor checks and stored settings.
 
 The watchdog and encoder filter settings do not appear in the cyclic frames, so they are read on request. A parameter's
-number differs between firmware versions, so the table for the installed version is needed: the maker's
+number differs between firmware versions, so the table for the installed version is needed. It is the maker's
 flat_endpoints.json, {"fw_version": "0.6.10", "endpoints": {name: {"id": number, "type": type}}}.
 """
 

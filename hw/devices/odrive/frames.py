@@ -1,7 +1,7 @@
-"""ODrive CANSimple frames for firmware 0.6: encoding of commands and decoding of replies. No I/O.
+"""ODrive CANSimple frames for firmware 0.6: encoding of commands and decoding of replies, without I/O.
 
-An arbitration id is `node << 5 | command`, 11 bits. On the wire, positions are in revolutions of the motor shaft; here
-they are in radians with the axis's `direction` applied: positive launches a ball or raises the hood.
+An arbitration id has 11 bits and is `node << 5 | command`. On the wire, positions are in revolutions of the motor
+shaft; here they are in radians with the axis's `direction` applied: positive launches a ball or raises the hood.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""An emulated SPARK with byte-exact frames, documented rates, and no output without a heartbeat."""
+"""An emulated SPARK with byte-exact frames and the documented rates, which produces no output without a heartbeat."""
 
 import math
 from collections import deque

@@ -1,4 +1,4 @@
-"""REV SPARK MAX and Flex as a MotorFamily and an EncoderFamily: tables, bus rules and doctor checks."""
+"""The REV SPARK MAX and Flex as a MotorFamily and an EncoderFamily: tables, bus rules and doctor checks."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence

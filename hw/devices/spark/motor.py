@@ -1,4 +1,4 @@
-"""The SPARK as a Motor: identification, setup, verification, and the enabling heartbeat, which only the tick sends."""
+"""The SPARK as a Motor: its identification, setup and verification, and its heartbeat, which only the tick sends."""
 
 from collections.abc import Mapping
 from functools import partial

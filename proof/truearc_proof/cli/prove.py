@@ -1,9 +1,11 @@
 """Draw concealed worlds, seal their truth, run discovery on their data, open the seals and mark the claims.
 
-Without a role, all roles run, the solver in a process of its own that cannot read the seals. The single roles are seal,
-solve, answer (shoot the shots that the solver requests; then solve again) and grade. An interrupted round continues
-where it stopped. pack writes a marked round to one file without its data; check recreates the data of --worlds worlds
-from the opened seals, compares every hash and mark and, with --solve N, lets the solver repeat its claims about N of
+Without a role, all roles of a round run; the solver runs in a process of its own that cannot read the seals. A round's
+individual roles are seal, solve, answer (which shoots the shots that the solver requests; run solve again afterwards)
+and grade. An interrupted round continues where it stopped.
+
+The role pack writes a marked round to one file without its data. The role check recreates the data of --worlds worlds
+from the opened seals, and compares every hash and mark; with --solve N, the solver also repeats its claims about N of
 them.
 """
 

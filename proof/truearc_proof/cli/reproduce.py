@@ -1,7 +1,7 @@
-"""Print the paper's Table I, Table II and Figures 8 to 10 on recordings of the emulated robot.
+"""Print the paper's Table I, Table II and Figures 8 to 10 as reproduced on recordings of the emulated robot.
 
-The paper's numbers are printed beside them, with intervals, baselines and truearc's gate. Recordings are kept, and an
-interrupted run continues.
+The paper's own numbers are printed beside the reproduced ones, with intervals, baselines and truearc's gate. Recordings
+are kept, so that an interrupted run continues where it stopped.
 """
 
 import argparse

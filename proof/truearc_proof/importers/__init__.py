@@ -1,1 +1,1 @@
-"""Importers of particular public data sets."""
+"""Importers for particular public data sets."""

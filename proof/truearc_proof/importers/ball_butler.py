@@ -1,4 +1,4 @@
-"""Importer of throws of a ball-throwing robot, tracked by motion capture (Jugglebot's Ball Butler).
+"""The importer of a ball-throwing robot's throws, tracked by motion capture (Jugglebot's Ball Butler).
 
 proof/IMPORTERS.md describes the columns, the origin of the files, and the assumptions.
 """

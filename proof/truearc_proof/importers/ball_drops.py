@@ -1,4 +1,4 @@
-"""Importers of dropped balls, filmed from 47 m (de Silva et al. 2020) or timed (SEPIA's tutorial, lanl/SEPIA).
+"""Importers of ball drops: filmed drops from 47 m (de Silva et al. 2020) and timed ones (SEPIA's tutorial, lanl/SEPIA).
 
 proof/IMPORTERS.md describes the columns, their origin, and the assumptions.
 """

@@ -1,9 +1,10 @@
-"""Importer of flights of a three-wheel table-tennis launcher (ball_prediction, MPI for Intelligent Systems).
+"""The importer of flights from a three-wheel table-tennis launcher (ball_prediction, MPI for Intelligent Systems).
 
 proof/IMPORTERS.md describes the columns, the origin of the files, and the assumptions.
 
-An HDF5 recording has a group `originals` with one group per launch: its parameters, timestamps and positions.
-Recordings with a robot use other names for them, and have an id per sample, below 0 if no ball was seen.
+An HDF5 recording has a group `originals`, which contains a group for each launch with its parameters, timestamps and
+positions. Recordings made with a robot use other names for these, and give each sample an id, which is below 0 if no
+ball was seen.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Readers of public originals: numbers in program text, and parts of a file."""
+"""Helpers for reading original public files, such as numbers in program text, and for naming parts of a file."""
 
 import json
 import math

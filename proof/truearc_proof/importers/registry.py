@@ -1,6 +1,6 @@
-"""Registry of the importers of public data sets that this distribution adds to truearc.
+"""The registry of the importers for public data sets that this distribution adds to truearc.
 
-Their modules are imported only when a file is read, not for the list in `truearc import --help`.
+The importers' modules are imported only when a file is read, not when `truearc import --help` lists them.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 """Importers of exit speeds and set points published by FRC teams.
 
-Each set point is taken as a shot through the middle of the goal. proof/IMPORTERS.md describes the columns, their
+Each set point is treated as a shot through the middle of the goal. proof/IMPORTERS.md describes the columns, their
 origin, and the assumptions about each robot.
 """
 

@@ -1,4 +1,4 @@
-"""Reproduction of the paper's tables and figures on recordings of the emulated robot, and its amounts of data."""
+"""The reproduction of the paper's tables and figures on recordings of the emulated robot, and the sizes of its data."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,7 @@
-"""Recordings for a reproduction (practice, aimed and simulated configurations), and the draws of each repetition.
+"""Collection of a reproduction's recordings (practice, aimed and simulated configurations), and draws from them.
 
-The settings and the earlier sessions determine every session, so an interrupted collection resumes where it stopped.
+Each repetition has a draw of its own. The settings and the earlier sessions determine every session, so an interrupted
+collection resumes where it stopped.
 
 The crew aims for hits, near misses and misses in similar numbers and learns from its own marks. Speeds are those of
 vacuum ballistics, corrected by a quadratic in distance and elevation fitted to the marks. No drag, lift or wheel slip

@@ -1,7 +1,8 @@
-"""The models of a repetition: the paper's simulator fitted to a draw, baselines, truearc's gate, the paper's networks.
+"""The models of a repetition: the paper's simulator and networks, baselines, and truearc's gate.
 
-Baselines predict from the recorded configurations alone, each tuned by cross-validation. Every model classifies shots
-as miss, two or three and returns the gate's probabilities: p_two = P(two or three), p_three = P(three).
+The simulator is fitted to the repetition's draw. The baselines predict from the recorded configurations alone, and each
+is tuned by cross-validation. Every model classifies shots as a miss, two or three, and returns the two probabilities
+that a gate returns: p_two = P(two or three), p_three = P(three).
 """
 
 import warnings

@@ -1,4 +1,4 @@
-"""The page of a reproduction: the paper's tables and figures beside the reproduced ones, also as JSON and CSV."""
+"""The page of a reproduction: the paper's tables and figures beside the reproduced ones, also saved as JSON and CSV."""
 
 import math
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
-"""Rival methods on the same worlds, by their names on the command line.
+"""The rival methods that are run on the same worlds, by their names on the command line.
 
-A rival's module is imported when the rival is requested.
+A rival's module is imported only when that rival is requested.
 """
 
 from collections.abc import Sequence

@@ -1,28 +1,27 @@
-"""Common interface of the entrants, the simplest entrant, and tracks and laws in the form that regressions need.
+"""The entrants' common interface, the simplest entrant, and tracks and laws in the form that regressions need.
 
-The simplest entrant claims the term that fits the given shots best.
+The simplest entrant claims the term that fits the given shots best. It refits as truearc does, and the term with the
+highest likelihood wins unconditionally, so this entrant always names a term. Of the catalogue's terms, it refits the
+LIKELY terms with the largest first-step gains (refitting more would take minutes in dirty worlds, whose fits converge
+slowly), and those that truearc has refitted itself. It ranks terms by the log likelihood of the fitted shots, without
+hold-out shots and without the penalty of a prior.
 
-It refits as truearc does, and the highest likelihood wins unconditionally, so it always names a term. Of all terms of
-the catalogue it refits the LIKELY with the largest first-step gain (more would cost minutes in dirty worlds, whose fits
-converge slowly), and those that truearc has refitted itself; it ranks terms by the log likelihood of the fitted shots,
-without hold-out shots and without the penalty of a prior.
+Tracks are cleaned as in truearc, using what the robot knows of each shot.
 
-Tracks are cleaned as in truearc, with the robot's knowledge of each shot.
+The library of a regression contains the accelerations of the catalogue's flight terms; the law is linear in each.
 
-The library contains the accelerations of the catalogue's flight terms, linear in each.
-
-A column is a term's acceleration at its usual size (one standard deviation of the catalogue's prior), linearised if it
-is nonlinear, with drag and lift inside another term at the middle of their priors. One threshold, and one ridge, thus
-means the same for every column, and the rivals have the same prior knowledge as truearc. Drag and lift themselves are
-per coefficient (cd, cl), at the middle of their priors unless believed.
+A column is a term's acceleration at its usual size (one standard deviation of the catalogue's prior). It is linearised
+if it is nonlinear, and drag and lift within another term are at the middle of their priors. A threshold or a ridge thus
+means the same for every column, and the rivals have the same prior knowledge as truearc. The columns of drag and lift
+themselves are per unit of their coefficients (cd, cl), at the middle of their priors unless believed.
 
 | column | acceleration | stands for |
 |---|---|---|
 | drag | abs(v) v | drag |
-| magnus | w x v, w the no-slip spin of the wheels in the paper's convention | magnus |
+| magnus | w x v, where w is the no-slip spin of the wheels in the paper's convention | magnus |
 | buoyancy | a constant, up | buoyancy, added_mass (the same once drag and lift are free) |
 | wind_x, wind_y, wind_z | abs(v) e + (v.e / abs(v)) v, less the lift's w x e | each wind |
-| spin_decay | time x (w x v), time since the track's first sample | spin_decay |
+| spin_decay | time x (w x v), with the time since the track's first sample | spin_decay |
 | spin_drag | w^2 v / abs(v) | spin_drag |
 | drag_reynolds | (abs(v) / 10 m/s - 1) abs(v) v | drag_reynolds |
 | lift_saturation | abs(w) / abs(v) (w x v) | lift_saturation |
@@ -30,13 +29,13 @@ per coefficient (cd, cl), at the middle of their priors unless believed.
 | drag_wear | the ball's age x drag | drag_wear |
 
 The library cannot represent events before the first sample (all of sensing and launch, to which a regression on
-accelerations is blind), the tracker's scale, tilt and clock (these are accelerations too, but are omitted so that fewer
-columns can be mistaken for the true one), each shot's own spin (which differs from that of the wheels by 5 %), and each
-ball's own drag.
+accelerations is blind), each shot's own spin (which differs from that of the wheels by 5 %), or each ball's own drag.
+The tracker's scale, tilt and clock are accelerations too, but they are omitted so that fewer columns can be mistaken
+for the true one.
 
 Forecasts of the height at a track's end correspond to truearc's own figure (truearc.sim.discover.select.simulations):
 the first 40 % of a track's samples determine the initial conditions, and the law continues the flight. truearc also
-uses wheels and hood; a law of accelerations does not, so compare each entrant's result only with its own baseline.
+uses the wheels and hood; a law of accelerations does not, so compare each entrant's result only with its own baseline.
 """
 
 import math

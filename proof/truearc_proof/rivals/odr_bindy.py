@@ -1,15 +1,16 @@
 """ODR-BINDy: positions are noisy unknowns, the equation of motion is a soft constraint, and evidence selects its terms.
 
-Fung 2025, arXiv 2507.23426. The cost is half of |(x - measured) / sigma|^2 + |(x'' - g - library(x') p) / SOFT_M_S2|^2
-+ |p / prior sd|^2 over the positions x of every frame and the coefficients p. The evidence of a set of terms uses
-Laplace's approximation with the Gauss-Newton Hessian of p after minimisation over x. Terms are removed one at a time,
-always the one whose removal leaves the largest evidence; the set with the largest evidence along that path is the
-answer.
+The method is that of Fung 2025 (arXiv 2507.23426). The cost is half of |(x - measured) / sigma|^2 + |(x'' - g -
+library(x') p) / SOFT_M_S2|^2 + |p / prior sd|^2 over the positions x of every frame and the coefficients p. The
+evidence for a set of terms uses Laplace's approximation with the Gauss-Newton Hessian of p after minimisation over x.
+Terms are removed one at a time, always the one whose removal leaves the largest evidence; the set with the largest
+evidence along that path is the answer.
 
-Differences from the authors' MATLAB code: the equation is second-order, so x are positions and the derivatives are
-central differences; many tracks share p, and a banded solver eliminates each track's x; while terms are removed, x is
-updated linearly (their code refits x for each set) and is relinearised at the winning set; noise is not given but
-estimated about a smooth flight. As in their code, noise is white and only the initial conditions vary between shots.
+This implementation differs from the authors' MATLAB code in four ways. The equation is second-order, so x are positions
+and the derivatives are central differences. Many tracks share p, and a banded solver eliminates each track's x. While
+terms are removed, x is updated linearly (their code refits x for each set) and is relinearised at the winning set. The
+noise is not given but estimated about a smooth flight. As in their code, the noise is white and only the initial
+conditions vary between shots.
 """
 
 from typing import NamedTuple

@@ -1,24 +1,23 @@
 """Rivals that model the simulator's residual: learners, and Kennedy and O'Hagan's calibration with a discrepancy.
 
 A shot's residual is the difference, in three coordinates, between its track's last sample and the forecast from the
-first 40 % of its samples by the believed physics, fitted to the other folds. Covariates are all columns that truearc
-tests (configuration, launch state, circumstances, telemetry). Such a learner has no terms of its own. If its most
+first 40 % of its samples by the believed physics, fitted to the other folds. The covariates are all columns that
+truearc tests (configuration, launch state, circumstances, telemetry). A learner has no terms of its own. If its most
 important covariate is one that terms of the catalogue follow from shot to shot (air density, age of the ball, battery,
-...), it names those terms, flight first, since the first samples determine the launch. A dozen terms depend on
+...), it names those terms, flight terms first, since the first samples determine the launch. A dozen terms depend on
 distance, elevation, speed or spin; for these covariates it names nothing.
 
-The calibration samples the parameters of a simulator, an emulator of its runs, and a discrepancy.
+The calibration samples the parameters of a simulator, an emulator of its runs, and a discrepancy. The measured value is
+y(x) = eta(x, theta) + delta(x) + noise (Kennedy & O'Hagan 2001; Higdon et al. 2004). eta and delta are Gaussian
+processes with squared-exponential correlations; inputs are scaled to 0..1, and outputs are standardised by the runs.
+The priors are those of SEPIA's ball drop (lanl/SEPIA): theta is uniform over the runs, the precisions of discrepancy
+and noise are Gamma(1, 0.001), and the correlation of the discrepancy at half an input's range is Beta(1, 0.1).
 
-Measured y(x) = eta(x, theta) + delta(x) + noise (Kennedy & O'Hagan 2001; Higdon et al. 2004). eta and delta are
-Gaussian processes with squared-exponential correlations, inputs scaled to 0..1 and outputs standardised by the runs.
-Priors are those of SEPIA's ball drop (lanl/SEPIA): theta uniform over the runs; precisions of discrepancy and noise
-Gamma(1, 0.001); the correlation of the discrepancy at half an input's range Beta(1, 0.1).
-
-Differences from SEPIA: y is a number and its arguments are further inputs, so there are no bases (SEPIA's kernels of
-1.5 m carry no information across drops 5 m apart); the emulator's numbers are fixed at their most probable values, as
-in Kennedy and O'Hagan's paper, and sampled in SEPIA. It cannot name terms, since delta is a curve. SEPIA is on no
-package index. Of the packages there, BAND's has no discrepancy, kohgpjax needs another JAX, and ACBICI a documentation
-builder at run time.
+The calibration differs from SEPIA in two ways. Here y is a number and its arguments are further inputs, so there are no
+bases (SEPIA's kernels of 1.5 m carry no information across drops 5 m apart). The emulator's numbers are fixed at their
+most probable values, as in Kennedy and O'Hagan's paper, whereas SEPIA samples them. The calibration cannot name terms,
+since delta is a curve. SEPIA is not on any package index. Of the packages that are, BAND's has no discrepancy, kohgpjax
+needs another version of JAX, and ACBICI needs a documentation builder at run time.
 """
 
 import warnings

@@ -1,22 +1,24 @@
 """PySINDy's sparse regressions of accelerations: the ensemble (E-SINDy) and the weak form.
 
-PySINDy fits separate coefficients for every component; a force has the same one in all three, so the components are
-stacked as rows of one target. The believed columns are first projected out of target and candidates. This is equivalent
-to keeping them (Frisch-Waugh), which EnsembleOptimizer cannot do (STLSQ's sparse_ind hides them from it). STLSQ's
-threshold and ridge are chosen by cross-validation; 50 models are fitted to rows drawn with replacement. An entrant
-makes a claim if the median of the models keeps a candidate, and ranks candidates by the share of models that keep them.
+PySINDy fits separate coefficients for every component, but a force has the same coefficient in all three, so the
+components are stacked as rows of one target. The believed columns are first projected out of the target and the
+candidates. This is equivalent to keeping them (Frisch-Waugh), which EnsembleOptimizer cannot do (STLSQ's sparse_ind
+hides them from it). STLSQ's threshold and ridge are chosen by cross-validation, and 50 models are fitted to rows drawn
+with replacement. An entrant makes a claim if the median of the models keeps a candidate, and it ranks candidates by the
+share of models that keep them.
 
 The ensemble uses smoothed finite differences: Savitzky-Golay windows of WINDOW frames (the best of 11, 21 and
-whole-track polynomials on development worlds), without frames closer to an end than EDGE. Velocities are differenced
-once and accelerations twice; both are treated as exact.
+whole-track polynomials on development worlds), without the frames closer to an end than EDGE. Velocities are
+differenced once and accelerations twice; both are treated as exact.
 
-The weak form integrates the law against test functions, so that accelerations are never computed. Each track gives
-DOMAINS stretches of time placed at random, HALF of the track to either side of their middle; PySINDy's WeakPDELibrary
-integrates library and velocity over them against (1 - s^2)^2 and its derivative. One stretch of almost the whole track
-was best on development worlds (of one or four to six, powers 2 and 4). This is expected: among such weights its second
-derivative is the most informative on a constant acceleration under white noise. The integrated velocity is PySINDy's
-plain finite difference (its noise cancels from frame to frame, which leaves the position against the second
-derivative); the library uses the smoothed velocity, whose noise does not cancel.
+The weak form integrates the law against test functions, so that accelerations are never computed. Each track
+contributes DOMAINS stretches of time, which are placed at random and extend HALF of the track to either side of their
+middle. PySINDy's WeakPDELibrary integrates the library and the velocity over them against (1 - s^2)^2 and its
+derivative. On development worlds, one stretch of almost the whole track was the best choice (of one stretch or four to
+six, with powers 2 and 4). This is expected: among such weights, it has the second derivative that is most informative
+about a constant acceleration under white noise. The integrated velocity is PySINDy's plain finite difference, whose
+noise cancels from frame to frame, which leaves the position against the second derivative. The library uses the
+smoothed velocity, whose noise does not cancel.
 """
 
 import warnings

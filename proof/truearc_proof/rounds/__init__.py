@@ -5,12 +5,12 @@
     ROUND/ledger.jsonl            every step of every world, as a hash chain
     ROUND/data/w0001/             a released dataset
     ROUND/data/home/              MuJoCo's robot before any change, if there are such worlds
-    ROUND/home.json               the belief from its session, computed once for all claims
-    ROUND/claims/w0001.json       the solver's claims on it, and the shots that it requests
-    ROUND/more/w0001/             those shots, or measured.json, released
-    ROUND/again/w0001.json        the solver's claims with them
+    ROUND/home.json               the belief from that robot's session, computed once for all claims
+    ROUND/claims/w0001.json       the solver's claims about that dataset, and the shots that it requests
+    ROUND/more/w0001/             the requested shots, or measured.json, as released
+    ROUND/again/w0001.json        the solver's claims that also use them
     ROUND/keeper/round.json       how the round was drawn; not for the solver
-    ROUND/keeper/w0001.json       its seal; not for the solver
+    ROUND/keeper/w0001.json       the world's seal; not for the solver
     ROUND/grades.jsonl            marks of opened worlds
     ROUND/report.html             all of these, in pictures and tables
     ROUND/figures.json            the figures of those tables, with intervals
@@ -21,16 +21,17 @@ released.
 
     {"number": 3, "what": "sealed", "world": "w0001", "sha256": "...", "before": "..."}
 
-The kernel releases the lock when its holder dies. Each part of a round holds it while it writes. A solver whose parent
-was killed thus still holds the lock, and a process that resumes the round gets an error instead of writing at the same
+The kernel releases the lock when its holder dies. Each role of a round holds the lock while it writes. A solver whose
+parent was killed thus still holds it, and a process that resumes the round gets an error instead of writing at the same
 time.
 
 A seal contains the truth of a world and the hashes of its data, and is committed to before the data are released. The
 commitment is the SHA-256 of the seal's canonical JSON (sorted keys, no spaces, floats as the shortest text that reads
 back exactly). A salt of 32 random bytes prevents a search for worlds that match.
 
-Claims have the format `truearc.claims/2`, the keys that a grader reads (docs/how-to/challenge.md). All compared values
-are ids: verdicts, names of terms, parameters, columns, stages, directions, instruments. Sentences are for people.
+Claims have the format `truearc.claims/2`, which defines the keys that a grader reads (docs/how-to/challenge.md). All
+values that are compared are ids: verdicts, names of terms, parameters, columns, stages, directions and instruments.
+Sentences are for human readers only.
 """
 
 import hashlib

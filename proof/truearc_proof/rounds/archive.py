@@ -1,12 +1,13 @@
-"""Archive of a finished round in one file, without its data, which the opened seals reproduce byte for byte.
+"""The archive of a finished round in one file, without its data, which the opened seals reproduce byte for byte.
 
 First claims are recomputed from the released data alone, which shows that they do not use the truth. Only the same
-solver, identified by its hash, makes the same claims. Claims of rivals, follow-up requests and second claims are not
-recomputed.
+solver, identified by its hash, makes the same claims. The claims of rivals, follow-up requests and second claims are
+not recomputed.
 
-In two gradings of one world, claims, truth and correctness must be identical, and numbers computed from the data must
-agree within the precision of different machines. The grader's own numbers come from the solver's fits (the ceiling that
-the data allow): with another state of the solver they may differ, which is reported but not counted as a difference.
+In two gradings of one world, the claims, the truth and the correctness must be identical, and numbers computed from the
+data must agree within the precision of different machines. The grader's own numbers (the ceiling that the data allow)
+come from the solver's fits. With a different version of the solver they may differ; this is reported but not counted as
+a difference.
 """
 
 import io

@@ -1,10 +1,10 @@
-"""The keeper of a round: it draws worlds, commits to their truth, and makes and releases their data.
+"""The keeper of a round, which draws worlds, commits to their truth, and makes and releases their data.
 
-Only this process opens seals: workers receive the parts that they need, and write into a directory of their own
-(Room.half), which is moved when it is complete. A worker that outlives a killed keeper thus cannot corrupt the data of
-the next one.
+Only the keeper's process opens seals. Its workers receive the parts that they need, and write into a directory of their
+own (Room.half), which is moved into place when it is complete. A worker that outlives a killed keeper thus cannot
+corrupt the next keeper's data.
 
-For external worlds, the truth stated by their makers is sealed with their data; a truth against which no claim could be
+For external worlds, the truth stated by their makers is sealed with their data. A truth against which no claim could be
 graded is refused.
 """
 

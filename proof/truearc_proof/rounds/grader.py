@@ -1,6 +1,7 @@
-"""The grader of a round: it refuses a round with changed files, opens the seals of claimed worlds, and marks them.
+"""The grader of a round, which refuses changed files, opens the seals of claimed worlds, and marks the claims.
 
-Tables use only the ledger entries made when the worlds were marked.
+If any file of the round was changed, the grader refuses the whole round. Its tables use only the ledger entries made
+when the worlds were marked.
 """
 
 from collections.abc import Mapping, Sequence

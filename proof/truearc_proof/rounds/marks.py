@@ -1,12 +1,13 @@
-"""Marks of one opened world: the claims compared with the truth, and with the ceiling that the data allow.
+"""The marks of one opened world: its claims compared with the truth, and with the ceiling that the data allow.
 
-The name of a decoy, which varies strongly without effect, is false regardless of its resemblances. Sets of names that
-the data cannot distinguish may contain the decoy's name; this module removes it, also for older rounds.
+A decoy varies strongly but has no effect, so its name is a false claim regardless of what it resembles. A set of names
+that the data cannot distinguish may contain the decoy's name; this module removes it, also for older rounds.
 
-For small effects the scores are normal; the best achievable result is computed by drawing them.
+For small effects the scores are normally distributed, so the best achievable result is computed from random draws of
+them.
 
-Solvers never receive the sealed hold-out shots. These follow from the sealed world alone (another season of the same
-robot, with its own balls and random effects), so the seal commits to them as well.
+Solvers never receive the sealed hold-out shots. These shots follow from the sealed world alone (they are another season
+of the same robot, with its own balls and random effects), so the seal commits to them as well.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""The page of a proof round, with its rates of correct claims and every commitment in its ledger."""
+"""The page of a proof round, with the rates of correct claims and every commitment in the round's ledger."""
 
 from collections.abc import Sequence
 from itertools import pairwise

@@ -1,11 +1,11 @@
-"""The solver of a round: discovery on data whose truth is sealed. It opens none of the keeper's files.
+"""The solver of a round, which runs discovery on data whose truth is sealed and opens none of the keeper's files.
 
-A permanent interpreter audit hook blocks any attempt to open one. It guards against accidents, not against malice: a
-subprocess, ctypes, or a library that opens files itself can bypass it. To run an untrusted solver, give it a copy of
-the round without keeper/, which is all that it needs (docs/how-to/challenge.md).
+A permanent interpreter audit hook blocks any attempt to open such a file. It guards against accidents, not against
+malice: a subprocess, ctypes, or a library that opens files itself can bypass it. To run an untrusted solver, give it a
+copy of the round without keeper/, which is all that it needs (docs/how-to/challenge.md).
 
 Workers return claims by value and this process writes them, so that a worker that outlives a killed solver cannot write
-at the same time as the next one.
+at the same time as the next solver.
 """
 
 import hashlib

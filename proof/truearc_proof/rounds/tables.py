@@ -1,4 +1,4 @@
-"""Tables of a round of proof: its figures with Wilson's 95 % intervals, and their targets, set before the rounds."""
+"""Tables of a proof round: figures with Wilson's 95 % intervals, and targets that were set before the rounds."""
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise, product

@@ -1,7 +1,7 @@
 """A concealed world: its truth, the effects that may be hidden, and the circumstances of its shots.
 
 Names shared with the solver's catalogue mean the same hypothesis; their laws are implemented here independently, from
-the physics alone. Amplitude 0 means exact absence.
+the physics alone. An amplitude of 0 means that the effect is completely absent.
 """
 
 from collections.abc import Mapping, Sequence

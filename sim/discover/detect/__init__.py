@@ -1,1 +1,1 @@
-"""Detection and localization of a mismatch."""
+"""Detection and localization of a mismatch between a simulation and the data."""

@@ -1,4 +1,4 @@
-"""An always-valid test for a change since a belief, which may be evaluated after every shot.
+"""An always-valid test for a change since a belief was formed, which may be evaluated after every shot.
 
 The statistic is an e-value: the probability of all outcomes so far if something changed at some shot, divided by their
 probability if nothing changed. If nothing changed, it exceeds 1 / alpha at any shot of an endless session with
@@ -7,8 +7,9 @@ inference"). A session may therefore be tested, and stopped, after any shot.
 
 Both probabilities are means over the same posterior draws of the belief's numbers, so that an error within the belief's
 uncertainty is not a change. The numerator is also a mean over directions (every candidate term, launch, distance and
-push), sizes and first shots; the cost per shot is constant. The test is exact for these draws; heights are linear in
-all numbers, as in the score table. Settings may depend on earlier outcomes.
+push), over sizes, and over the shot at which the change begins; the cost per shot is constant. The test is exact for
+these draws; heights are linear in all numbers, as in the score table. The settings of a shot may depend on earlier
+outcomes.
 """
 
 from collections.abc import Collection, Iterator

@@ -3,10 +3,10 @@
 The tests form families: terms, free changes over covariates, and arbitrary patterns.
 
 A simulation adopted from one session ("home") does not fit that session perfectly, and tracks reveal the misfit. In the
-next session it would be found again and look like a change. Each test is therefore made in both sessions. If nothing
-has changed, the score at home scaled by the ratio of the sessions' informations is the expected score here, within the
-chance variation of both (a difference of two samples, whose signs are flipped alike). Where home has no information, as
-along a covariate that was not recorded there, the test is made without it.
+next session, the misfit would be found again and look like a change. Each test is therefore made in both sessions. If
+nothing has changed, the score at home, scaled by the ratio of the two sessions' information, is the expected score
+here, within the chance variation of both (a difference of two samples, whose signs are flipped alike). Where home has
+no information, as along a covariate that was not recorded there, the test uses this session alone.
 
 No test can find a change in the tracker's calibration, since every fit absorbs it; instead the estimates of both
 sessions are compared. Their covariance is a sandwich over clusters of shots (White 1980), in which a prior of the
@@ -16,18 +16,18 @@ resembles a tilt) are added to the numbers one at a time and weighed against suc
 
 The tests use efficient scores of the shots, and the largest of them is judged by flipping signs.
 
-A test's alternative is that a channel's amplitude is w_i b, with given weights w (a covariate's shape) and b not 0. The
-part of its score that the shared parameters could explain is projected out (Neyman's C(alpha)); the rest is summed over
-the shots and divided by their empirical spread. Under the baseline model a shot's contribution is as likely to be
-negative as positive, regardless of its variance and the correlation of its samples. The statistic under random signs
-therefore has the null distribution, and the maximum over all tests under the same signs gives the family-wise p-value
-(score bootstrap: Kline and Santos 2012; max statistic: Westfall and Young 1993). The spread is that of the scores
-themselves, not of their residuals after an effect: signs do not change it, so tests that rest on few shots have light
-tails and do not raise the threshold for all. Pure numpy.
+The alternative of a test is that a channel's amplitude in shot i is w_i b, with given weights w (a covariate's shape)
+and b not 0. The part of its score that the shared parameters could explain is projected out (Neyman's C(alpha)); the
+rest is summed over the shots and divided by their empirical spread. Under the baseline model a shot's contribution is
+as likely to be negative as positive, regardless of its variance and the correlation of its samples. The statistic under
+random signs therefore has the null distribution, and the maximum over all tests under the same signs gives the
+family-wise p-value (score bootstrap: Kline and Santos 2012; max statistic: Westfall and Young 1993). The spread is that
+of the scores themselves, not of their residuals after an effect: signs do not change it, so tests that rest on few
+shots have light tails and do not raise the threshold for all. The tests are pure NumPy.
 
-A prior of a shared parameter is one more observation of it, with an error like any other, and so has its own sign.
-Otherwise a test that depends on priors (one supplier's balls against another's, where each ball may differ at random)
-would mistake the priors' errors for a finding.
+The prior of a shared parameter is one more observation of it, with an error like that of any other, and so it has its
+own sign. Otherwise a test that depends on priors (one supplier's balls against another's, where each ball may differ at
+random) would mistake the priors' errors for a finding.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,7 @@
 """The covariates that residuals may depend on (numeric, derived and text columns), and weight functions over them.
 
-A test weights shots by a shape, a function of one covariate, of a group or of two covariates together. A shape is
-scaled and centred on the session under test; it can also be evaluated on the shots of another session.
+A test weights shots by a shape, which is a function of one covariate, of a group or of two covariates together. A shape
+is scaled and centred on the session under test, and can also be evaluated on the shots of another session.
 """
 
 import itertools

@@ -1,4 +1,4 @@
-"""Localizes a mismatch: the free change, stage, covariate and part of the flight in which it appears.
+"""Localization of a mismatch: the free change, stage, covariate and part of the flight in which it appears.
 
 Each place is scored by how much a smooth correction of one channel over one covariate gains on held-out shots.
 """

@@ -89,7 +89,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
     sentence += said + wording.say_limits(data.at_limit) + say_improbable(data.improbable)
     return FindingRecord(data, mismatch, where, verdict.verdict, sentence, leading.unknown, fit, what=leading.what,
                          set=leading.set, next=(*next_steps(dataset, first, leading.set), *to_check),
-                         also=tuple(rest), unexplained=first.unexplained, tracker=tracker)
+                         also=tuple(rest), unexplained=first.unexplained, tracker=tracker, withheld=leading.withheld)
 
 
 def _nothing(data: parts.DataSummary, mismatch: parts.Mismatch, fit: FitSummary, fitted: LauncherFit, judged: Judged,
@@ -175,7 +175,8 @@ def _further(step: Step) -> FoundEffect:
     probability = step.naming.probability
     what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
     chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.chosen)
-    return FoundEffect(what, chosen, _unknown(step) if step.unknown else None, step.unexplained)
+    return FoundEffect(what, chosen, _unknown(step) if step.unknown else None, step.unexplained,
+                       step.withheld or UNSET)
 
 
 def _where(step: Step, judged: Judged, search: Search, probability: dict[str, float]) -> Where:

@@ -1,4 +1,4 @@
-"""Sentences on the verdict and its effects that a drive coach can act on."""
+"""Sentences about the verdict and its effects, written for a drive coach to act on."""
 
 import math
 import tomllib
@@ -202,6 +202,8 @@ def _since(place: Place | None) -> str:
 
 def besides(further: FoundEffect, then: str, among: Catalogue | None = None, topspin: bool = False) -> str:
     """A further effect, after `then`: its likeliest name only, since it may well be an error of the one named first."""
+    if isinstance(further.withheld, str):
+        return f" {then}, a smaller effect remains that cannot be named: {further.withheld}."
     if further.unknown is not None:
         goes = f", and goes with {in_words(further.unknown.covariate)}" if further.unknown.covariate else ""
         return f" {then}, a smaller effect remains that no term explains{goes}."
@@ -277,7 +279,10 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading
                 also: Sequence[FoundEffect], fit: FitSummary, place: Place | None,
                 among: Catalogue | None = None) -> str:
     """No term of the catalogue explains it; its shape all the same. also: the rest beside the nearest name."""
+    withheld = isinstance(leading.withheld, str)
     said = f"{_missing(believed, among)} that no term of the catalogue explains."
+    if withheld:
+        said = f"{_missing(believed, among)} that cannot be named: {leading.withheld}."
     if leading.unknown is None or place is None:
         return said + _chance(p_value)
     stage = ""
@@ -289,7 +294,7 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading
         left = next((one.unknown.covariate for one in also if one.unknown is not None), None)
         falls_short = "leaves something of the kind over" + (f" that goes with {in_words(left)}" if left else "")
     nearest = ""
-    if leading.what:
+    if leading.what and not withheld:
         nearest = (f" The nearest name is {plain(leading.what[0].term, among)}, which {falls_short}; by it "
                    f"{_effect(leading.what[0], among, False)}.")
     return f"{said}{_looks(leading.unknown, place)}{stage}.{nearest}{_gained(fit)}{_chance(p_value)}"

@@ -1,8 +1,8 @@
 """The report's plots: residuals with and without an effect, along the flight and over the field, and free curves.
 
-The joint residual of many shots in one free number (launch speed, a push in flight) is the sum of their scores over the
-sum of their informations; in the height at the target it is the shift that makes their outcomes most likely. All plots
-are PHONE_IN wide with panels one below the other, so that text is legible on a phone.
+The joint residual of many shots in one free number (launch speed, a push in flight) is the sum of their scores divided
+by the sum of their information; in the height at the target, it is the shift that makes their outcomes most likely. All
+plots are PHONE_IN wide, with the panels one below the other, so that their text is legible on a phone.
 """
 
 from collections.abc import Iterator, Sequence

@@ -5,11 +5,11 @@ refits (name_terms). Additions to a likely term use the table linearised at its 
 table of the fit, averaged over its size and smoothness. True refits replace the values of important pairs and
 unexplained changes.
 
-A hypothesis adds parts to the shared numbers. A part is one column of the table multiplied by shapes over the shots,
-with normal priors on their coefficients. A single shape of ones is a term or a constant push; shapes of a Gaussian
-process over a covariate are an unexplained change that depends on it.
+Each hypothesis adds parts to the parameters that all hypotheses share. A part is one column of the table multiplied by
+shapes over the shots, with normal priors on their coefficients. A single shape of ones is a term or a constant push;
+shapes of a Gaussian process over a covariate are an unexplained change that depends on it.
 
-Scores at the fit overestimate the gain of a large change. A name's evidence therefore comes from a true refit, and so
+Scores at the fit overestimate the gain from a large change. A name's evidence therefore comes from a true refit, and so
 does that of a competing unexplained change.
 """
 

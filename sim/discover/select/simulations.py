@@ -1,22 +1,22 @@
-"""Candidate simulations for adoption, and the value of their forecasts of hold-out shots.
+"""The simulations that are candidates for adoption, and the value of their forecasts for hold-out shots.
 
-Averages: choosing one of several likely names discards the information of the others and is often wrong (Hoeting et al.
-1999). An average of forecasts is not a simulation, and numbers averaged over names were never fitted, but a single
-simulation can forecast nearly the same. An unexplained effect is represented by an unnamed term that follows the fitted
-free curve.
+Choosing one of several likely names discards the information in the others and is often wrong (Hoeting et al. 1999), so
+forecasts are averaged over names. An average of forecasts is not a simulation, and numbers averaged over names were
+never fitted, but a single simulation can make nearly the same forecasts. An unexplained effect is represented by an
+unnamed term that follows the fitted free curve.
 
-Aim: a ball misses its forecast height by some error. At the speed that the belief requires for that place and hood, it
-would have missed the centre by the same error, provided that the error does not change between the two speeds. The
-forecast error of a hold-out shot is therefore the miss of the aimed ball, and the model provides only the difference
-between two neighbouring set points (as in doubly robust off-policy evaluation, Dudik et al. 2014). An outcome does not
-determine the error within its class; there, the error follows the mixture of the two beliefs' distributions, with equal
-prior weights.
+The aim is judged as follows. A ball misses its forecast height by some error. At the speed that the belief requires for
+that place and hood angle, it would have missed the centre by the same error, provided that the error does not change
+between the two speeds. The forecast error of a hold-out shot is therefore the miss of the aimed ball, and the model
+provides only the difference between two neighbouring set points (as in doubly robust off-policy evaluation, Dudik et
+al. 2014). An outcome does not determine the error within its class; there, the error follows the mixture of the two
+beliefs' distributions, with equal prior weights.
 
-Gate: it passes the aimed ball if the belief's P(three) is high enough. A held ball is not lost: it counts as three
+The gate passes the aimed ball if the belief's P(three) is high enough. A held ball is not lost: it counts as three
 points times the threshold, the lowest probability for which it would be fired. The gate's judgement of the shots
 actually fired is reported but does not count, since it would favour a belief that overrates them.
 
-Every shot is judged with fits to the other folds.
+Every shot is judged with fits to the folds that do not contain it.
 """
 
 import math

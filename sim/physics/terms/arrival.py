@@ -1,4 +1,4 @@
-"""Terms of the arrival stage: the opening of the target."""
+"""Terms of the arrival stage: effects of the target's opening."""
 
 from truearc.sim.physics import term
 from truearc.sim.physics.term import Instrument, Opening, Phrase, amplitude, either_way

@@ -1,4 +1,4 @@
-"""Terms of the flight stage: air and forces."""
+"""Terms of the flight stage: effects of the air and of the forces on the ball."""
 
 import math
 

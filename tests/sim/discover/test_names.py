@@ -9,7 +9,16 @@ from scipy.stats import multivariate_normal
 
 from tests.sim.discover.made import stand_in
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
-from truearc.sim.discover.decide import Search, Step, credible_set, decide, unseen_scores
+from truearc.sim.discover.decide import (
+    Search,
+    Step,
+    credible_set,
+    decide,
+    found_effects,
+    guarded,
+    unseen_scores,
+    verdict_of,
+)
 from truearc.sim.discover.select.terms import NEVER, Naming, is_possible, name_terms, nats_for, one_step
 from truearc.sim.infer.fit import Fit
 from truearc.sim.infer.launcher import LauncherFit
@@ -156,7 +165,35 @@ def test_a_name_that_only_stood_for_two_others_goes() -> None:
 
 def test_it_stops_after_so_many() -> None:
     planted = {name: 1.0 - 0.1 * k for k, name in enumerate(ASKED[:5])}
-    assert len(steps_of(fit_straight(planted, 3))) == 3
+    fitted = fit_straight(planted, 3)
+    search = Search(len(fitted.scores.rows), (), (), 0.05, 0)
+    assert len(found_effects(fitted, None, search, lambda done, note: None)) == 3
+
+
+@pytest.mark.parametrize(("planted", "usual", "seed", "why"), [
+    ({PLANTED: 1.1}, {PLANTED: 0.135}, 5, f"{PLANTED} would have to be 6."),
+    ({PLANTED: 0.2}, {}, 5, "what is believed forecasts unseen shots as well"),
+    ({PLANTED: 0.6}, {}, 5, ""),
+])
+def test_a_name_is_withheld_where_a_guard_says_so(planted, usual, seed, why) -> None:
+    """A size of six usual ones; too little to forecast by; a sound one."""
+    step = steps_of(fit_straight(planted, seed, usual=usual))[0]
+    assert why in step.withheld and bool(step.withheld) == bool(why) == step.unknown
+    assert verdict_of(step, step.fitted, None).verdict == ("unknown" if why else "named")
+
+
+@pytest.mark.parametrize(("sds", "why"), [(None, "drag.cd stopped at 0"), (3.5, "drag.cd would have to be"), (3.0, "")])
+def test_a_number_where_it_cannot_be_withholds_the_name(sds, why) -> None:
+    step = steps_of(fit_straight({PLANTED: 0.6}, 5))[0]
+    fit, layout = step.refit, replace(step.refit.model.layout, precision=100.0 * step.refit.model.layout.precision)
+    k = fit.scores.index("drag.cd")
+    sd = np.linalg.inv(layout.precision)[k - layout.first_shared, k - layout.first_shared]**0.5
+    point = fit.scores.point.copy()
+    point[k] = 0.0 if sds is None else layout.centre[k - layout.first_shared] + sds * sd
+    there = replace(fit, model=replace(fit.model, layout=layout), scores=replace(fit.scores, point=point))
+    moved = replace(step, naming=replace(step.naming, refits={**step.naming.refits, step.naming.leader: there}))
+    assert (why in (said := guarded((moved,))[0].withheld)) and bool(said) == bool(why)
+    assert guarded((step,)) == (step,)
 
 
 def test_nothing_that_is_worth_its_prior_is_unknown() -> None:
