@@ -15,6 +15,7 @@ import io
 import re
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,7 +67,9 @@ def ask(name: str, data: Path, folder: Path) -> tuple[str, ...]:
 def forecast(name: str, folder: Path) -> tuple[str, ...]:
     """How far ends of tracks are from forecasts, by truearc, a plain fit and gravity; and how many are in the band."""
     dataset, laws = ta.load_dataset(folder / name), LAWS[name]
-    flights, said, side = gather_flights(dataset), {}, np.arange(len(dataset.shots)) % 2
+    flat = {"hood_deg": np.zeros(len(dataset.shots)), **dataset.shots.numbers}      # no spin depends on it
+    flights = gather_flights(replace(dataset, shots=replace(dataset.shots, numbers=flat)))
+    said, side = {}, np.arange(len(dataset.shots)) % 2
     plain, tracks = np.zeros(len(flights)), dataset.tracks
     assert tracks is not None
     for half in (0, 1):
