@@ -17,6 +17,7 @@ import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -69,7 +70,8 @@ def forecast(name: str, folder: Path) -> tuple[str, ...]:
     dataset, laws = ta.load_dataset(folder / name), LAWS[name]
     flat = {"hood_deg": np.zeros(len(dataset.shots)), **dataset.shots.numbers}      # no spin depends on it
     flights = gather_flights(replace(dataset, shots=replace(dataset.shots, numbers=flat)))
-    said, side = {}, np.arange(len(dataset.shots)) % 2
+    said: dict[str, tuple[Any, ...]] = {}
+    side = np.arange(len(dataset.shots)) % 2
     plain, tracks = np.zeros(len(flights)), dataset.tracks
     assert tracks is not None
     for half in (0, 1):
