@@ -82,8 +82,8 @@ def forecast(name: str, folder: Path) -> tuple[str, ...]:
         def off(weights: np.ndarray) -> np.ndarray:
             return end_errors(flights, laws, np.tile(weights, (len(flights), 1)))
 
-        # all but linear in the coefficients: more steps change nothing
-        plain[mine] = off(least_squares(lambda one, kept=other: off(one)[kept], np.ones(len(laws)), max_nfev=4).x)[mine]
+        fitted = least_squares(lambda one, kept=other: off(one)[kept], [0.1] * len(laws), method="lm", max_nfev=15)
+        plain[mine] = off(fitted.x)[mine]
     ends = [(dataset.shots.shot_id[row], tracks.z_m[where[-1]]) for row, where in tracks.by_shot()]
     ours = np.array([(said[shot][4] - z_m, said[shot][7]) for shot, z_m in ends]).T
     errors = (ours[0], plain, end_errors(flights, (), np.zeros((len(flights), 0))))
