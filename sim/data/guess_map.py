@@ -198,7 +198,7 @@ class _Guessing:
         """A column that is called as one of shots.csv."""
         column, *_ = read_as(key, is_shot_column)
         other_sides = {str(value).lower() for value in self.free[key].values} - {*cols.SIDES}
-        if (not is_shot_column(column) or column in ("outcome", SERVO, *self.columns)
+        if (not is_shot_column(column) or column in ("outcome", SERVO, "day", *self.columns)
                 or (column == "side" and other_sides) or (column == "shot_id" and not self._is_name(key))):
             return
         plain = "_".join(key.lower().split())
@@ -271,14 +271,16 @@ class _Guessing:
         return low <= top <= high and inside and not impossible.get(column, False)
 
     def _take_texts(self) -> None:
-        """Names of the ball and of the day, unless each shot has its own; the shots' numbers, as names and order."""
+        """Names of the ball, session, day and person, unless each shot has its own; the shots' numbers, as names and
+        order."""
         for key, series in list(self.free.items()):
             said, cells = set(words_of(key)), self.tables[0].columns[key]
-            for column in ("ball_id", "session"):
+            for column in cols.TEXTS:
                 nouns = GROUPS[column]
                 if column not in self.columns and nouns & said and not said - nouns - GROUPS["numbered"] and (
                         None not in cells and 2 * len(set(cells)) <= len(cells)):
                     self._take(column, key)
+                    break
             if said - GROUPS["numbered"] or not (said or key == "#"):
                 continue
             if "t_s" not in self.columns and series.numeric and _rises(series):
