@@ -58,8 +58,8 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
         objections = [_named(objection, dataset) for objection in _objections(dataset)]
     refused = [objection for objection in objections if not objection.warns and objection.check not in accept]
     if refused:
-        raise InputError("\n".join(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; accept it "
-                                   "by name if it is so)" for objection in refused))
+        raise InputError("\n".join(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; if the "
+                                   f"data are right as recorded: --accept {objection.check})" for objection in refused))
     return replace(dataset, accepted=tuple(f"{objection.check}: {objection}" for objection in objections))
 
 
@@ -67,7 +67,7 @@ def _named(objection: Flaw, dataset: Dataset) -> Flaw:
     """Return the objection with the files' own column names, and what they are read as."""
     file, _, keys = objection.place.rpartition(": ")
     names = {"tracks": dataset.track_columns, dataset.shots.source: dataset.shots.written}.get(file, {})
-    read = [f"{names[key]} is read as {key}" for key in re.findall(r"\w+", keys) if key in names]
+    read = [f"{key} is the file's {names[key]}" for key in re.findall(r"\w+", keys) if key in names]
     if not read:
         return objection
     own = re.sub(r"\w+", lambda key: names.get(key[0], key[0]), keys)

@@ -247,7 +247,7 @@ def test_an_unknown_term_of_the_rig_is_named_with_its_key(table: Dataset) -> Non
 
 def test_an_objection_is_accepted_by_name_and_recorded(table: Dataset, tmp_path: Path, capsys: Any) -> None:
     heavy = ball(table, mass_kg=1000.0)
-    with pytest.raises(InputError, match=r"check 'mass'; accept it by name"):
+    with pytest.raises(InputError, match=r"check 'mass'; if the data are right as recorded: --accept mass"):
         ta.fit(heavy, ("gravity",))
     save_dataset(tmp_path / "data", heavy)
     command = ["fit", str(tmp_path / "data"), "--terms", "gravity,drag", "-o", str(tmp_path / "belief.toml")]
@@ -284,9 +284,9 @@ def test_real_recordings_pass(data_dir: Path, tmp_path: Path) -> None:
 
 def test_an_objection_names_columns_as_the_files_do(table: Dataset, filmed: Dataset) -> None:
     feet = numbers(table, distance_m=table.shots.number("distance_m") / 0.3048)
-    with pytest.raises(InputError, match=r"shots: Weg: .*\(Weg is read as distance_m\)"):
+    with pytest.raises(InputError, match=r"shots: Weg: .*\(distance_m is the file's Weg\)"):
         check_plausible(replace(feet, shots=replace(feet.shots, written={"distance_m": "Weg"})))
-    with pytest.raises(InputError, match=r"tracks: x_m, y_m, z_cm: z points down.*\(z_cm is read as z_m\)"):
+    with pytest.raises(InputError, match=r"tracks: x_m, y_m, z_cm: z points down.*\(z_m is the file's z_cm\)"):
         check_plausible(replace(tracks(filmed, z_m=-filmed.tracks.z_m), track_columns={"z_m": "z_cm"}))
 
 
