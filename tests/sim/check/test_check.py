@@ -315,7 +315,7 @@ def test_one_shot_with_a_wrong_speed_makes_no_other_angle_likelier(table: Datase
         column[4] *= 0.2
     assert check_plausible(table).accepted == ()
     (said,) = check_plausible(numbers(table, **slow)).accepted
-    assert f"say: {table.shots.shot_id[4]}; make sure of these rows" in said
+    assert f"of them: {table.shots.shot_id[4]}; make sure of these rows" in said
 
 
 def test_the_table_of_slips_agrees_with_the_checks_and_with_limits_of_rigs() -> None:
