@@ -67,7 +67,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
     intake, among, false_alarm = fitted.model.data, fitted.model.catalogue, search.false_alarm
     lacks, topspin, doubted = untested(dataset), _has_topspin(dataset), _improbable(fitted, steps)
     believed = fitted.scores.shared_only()
-    best = next((step.refit.scores for step in reversed(steps) if not step.unknown), believed)
+    best = next((step.refit.scores for step in reversed(steps) if not step.unknown or step.withheld), believed)
     at_limit = {name: value for name, value in stopped(believed, among).items()
                 if not name.startswith("scatter.")}                      # scatters take what is missing
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
