@@ -26,7 +26,6 @@ of its likeliest name. Otherwise it is reported as unknown, its sentence gives t
 | `at_limit` | a number or a scatter of the fit stopped at the end of its range |
 | `out_of_nature` | a number of a believed term has a value that 999 of 1000 rigs do not have |
 | `too_large` | the effect would be more than MOST_USUAL times as large as is usual in such a place |
-| `no_better` | unseen shots are forecast no better than by the believed model, refitted, with or without drag |
 
 **Names.** The names are the smallest set that holds at least SURE of the explained probability; it is a single name
 only if that name alone is so probable. Three kinds of names are added: aliases of members, whatever their probability;
@@ -76,7 +75,6 @@ from truearc.sim.discover.select.terms import MOST_USUAL, NEVER, SURE, Naming, n
 from truearc.sim.infer.intervals import NumberChange
 from truearc.sim.infer.launcher import STRONG, LauncherFit, stopped
 from truearc.sim.infer.likelihood.data import Each
-from truearc.sim.infer.likelihood.layout import column_of
 from truearc.sim.infer.likelihood.score_table import Column, clustered_error, folds_of
 from truearc.sim.printed import Progress, part_of
 from truearc.sim.statistics import Z90
@@ -93,7 +91,6 @@ CLEARLY = 2.0                         # standard errors by which plain shares be
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
 # Derived: normal quantile 0.9995
 CREDIBLE_SD = 3.29                    # standard deviations of a prior, in which a term's number is believable
-PLAIN = "drag"                        # the term of a plainer model: every ball has it
 
 
 @dataclass(frozen=True)
@@ -214,22 +211,7 @@ def too_large(step: Step) -> str:
             if size > MOST_USUAL * usual else "")
 
 
-def no_better(step: Step) -> str:
-    """Compared shot by shot: by less than the standard error of the mean."""
-    fitted, plain = step.fitted, [("what is believed", step.before)]
-    name = column_of(PLAIN, fitted.model.catalogue) if fitted.model.catalogue.get(PLAIN) is not None else ""
-    if name in step.naming.nats and name not in (step.naming.leader, *step.base):
-        refit = step.naming.refits.get(name) or fitted.with_terms((name,), np.zeros(1))
-        plain.append((f"{PLAIN} alone", refit.scores.held_out()))
-    for what, score in plain:
-        gain = step.after - score
-        if gain.mean() <= clustered_error(gain, fitted.scores.together):
-            return f"{what} forecasts unseen shots as well"
-    return ""
-
-
-# in the order in which they are asked: what is quick comes first
-GUARDS: tuple[Callable[[Step], str], ...] = (at_limit, out_of_nature, too_large, no_better)
+GUARDS: tuple[Callable[[Step], str], ...] = (at_limit, out_of_nature, too_large)
 
 
 def found_effects(fitted: LauncherFit, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
