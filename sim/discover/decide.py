@@ -75,6 +75,7 @@ from truearc.sim.discover.select.terms import MOST_USUAL, NEVER, SURE, Naming, n
 from truearc.sim.infer.intervals import NumberChange
 from truearc.sim.infer.launcher import STRONG, LauncherFit, stopped
 from truearc.sim.infer.likelihood.data import Each
+from truearc.sim.infer.likelihood.layout import is_tracker
 from truearc.sim.infer.likelihood.score_table import Column, clustered_error, folds_of
 from truearc.sim.printed import Progress, part_of
 from truearc.sim.statistics import Z90
@@ -349,15 +350,16 @@ def take_apart(fitted: LauncherFit, first: Step, pair: LauncherFit, progress: Pr
 
 
 def strange(fit: LauncherFit) -> dict[str, float]:
-    """Return the numbers of believed terms and of the tracker that lie CREDIBLE_SD standard deviations of the fit's
-    prior or more from its centre: a term that was added may stand for something else. Numbers of an earlier session may
-    change."""
+    """Return the numbers of believed terms that lie CREDIBLE_SD standard deviations of the fit's prior or more from its
+    centre: a term that was added may stand for something else. Numbers of an earlier session may change; a tracker's
+    are remarked on by themselves."""
     layout, first = fit.model.layout, fit.model.layout.first_shared
     sd = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
     far = layout.in_slot[first:] & (np.abs(fit.scores.point[first:] - layout.centre) > CREDIBLE_SD * sd)
     return {column.name: float(value) for column, value, out in zip(layout.columns[first:], fit.scores.point[first:],
                                                                     far, strict=True)
-            if out and not column.told and column.name not in fit.names}
+            if out and not column.told and column.name not in fit.names
+            and not is_tracker(column, fit.model.catalogue)}
 
 
 def unseen_scores(naming: Naming, fitted: LauncherFit) -> tuple[Each, Each, Each]:
