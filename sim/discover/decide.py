@@ -236,7 +236,7 @@ def found_effects(fitted: LauncherFit, place: Place | None, search: Search, prog
         pair, change = posterior.likeliest_pair(), None
         if pair is None:                                                                        # row 6
             return (whole,)
-        if not strange(pair).keys() - strange(first.refit).keys():                              # row 7
+        if not strange(pair, True).keys() - strange(first.refit, True).keys():                              # row 7
             two = take_apart(fitted, first, pair, part_of(progress, 0.5, 0.3))
             return (*map(as_named, two.steps), *_beside_both(two.both, two.names, search, part_of(progress, 0.8, 0.2)))
     # row 5
@@ -349,17 +349,17 @@ def take_apart(fitted: LauncherFit, first: Step, pair: LauncherFit, progress: Pr
                 fitted.beside(fitted.with_terms(names, start)))
 
 
-def strange(fit: LauncherFit) -> dict[str, float]:
+def strange(fit: LauncherFit, trackers: bool = False) -> dict[str, float]:
     """Return the numbers of believed terms that lie CREDIBLE_SD standard deviations of the fit's prior or more from its
     centre: a term that was added may stand for something else. Numbers of an earlier session may change; a tracker's
-    are remarked on by themselves."""
+    are remarked on by themselves, and count only if `trackers`."""
     layout, first = fit.model.layout, fit.model.layout.first_shared
     sd = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
     far = layout.in_slot[first:] & (np.abs(fit.scores.point[first:] - layout.centre) > CREDIBLE_SD * sd)
     return {column.name: float(value) for column, value, out in zip(layout.columns[first:], fit.scores.point[first:],
                                                                     far, strict=True)
             if out and not column.told and column.name not in fit.names
-            and not is_tracker(column, fit.model.catalogue)}
+            and (trackers or not is_tracker(column, fit.model.catalogue))}
 
 
 def unseen_scores(naming: Naming, fitted: LauncherFit) -> tuple[Each, Each, Each]:
