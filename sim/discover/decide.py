@@ -24,7 +24,7 @@ of its likeliest name. Otherwise it is reported as unknown, its sentence gives t
 | guard | a name is withheld if |
 |---|---|
 | `at_limit` | a number or a scatter of the fit stopped at the end of its range |
-| `out_of_nature` | a number of a believed term has a value that 999 of 1000 rigs do not have |
+| `out_of_nature` | a number of a believed term lies CREDIBLE_SD standard deviations of the fit's prior off its centre |
 | `too_large` | the effect would be more than MOST_USUAL times as large as is usual in such a place |
 
 **Names.** The names are the smallest set that holds at least SURE of the explained probability; it is a single name
@@ -90,8 +90,8 @@ LIKELY = 0.5                          # probability from which a thing is likeli
 CLEARLY = 2.0                         # standard errors by which plain shares beat a forecast, or a free curve is better
 # Derived: 5 % then falls on a draw, known to 0.7 %
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
-# Derived: normal quantile 0.9995
-CREDIBLE_SD = 3.29                    # standard deviations of a prior, in which a term's number is believable
+# Derived: normal quantile 0.9995; the fit's prior is WEAKER times as wide as the catalogue's
+CREDIBLE_SD = 3.29                    # standard deviations of it, in which a term's number is believable
 
 
 @dataclass(frozen=True)
@@ -216,6 +216,7 @@ GUARDS: tuple[Callable[[Step], str], ...] = (at_limit, out_of_nature, too_large)
 
 
 def found_effects(fitted: LauncherFit, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
+    """The effects by posterior and tests, before any guard."""
     found = search.weigh(fitted, place, (), part_of(progress, 0.0, 0.5))
     posterior, whole = found.posterior, one_effect(found)
     varies = posterior.share("varies") >= LIKELY
@@ -236,7 +237,7 @@ def found_effects(fitted: LauncherFit, place: Place | None, search: Search, prog
         pair, change = posterior.likeliest_pair(), None
         if pair is None:                                                                        # row 6
             return (whole,)
-        if not strange(pair, True).keys() - strange(first.refit, True).keys():                              # row 7
+        if not strange(pair, True).keys() - strange(first.refit, True).keys():                  # row 7
             two = take_apart(fitted, first, pair, part_of(progress, 0.5, 0.3))
             return (*map(as_named, two.steps), *_beside_both(two.both, two.names, search, part_of(progress, 0.8, 0.2)))
     # row 5

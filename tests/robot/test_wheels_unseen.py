@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from tests.robot.alike import codes
 from tests.robot.test_motion import AIMED, HOOD_DEG, SET_RAD_S, TICK_S, Launcher, latched, released_after_s, wheels
+from truearc.hw import fault_codes as hw
 from truearc.hw.devices.odrive.frames import IDLE
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
@@ -21,6 +22,16 @@ ZERO = wheels(velocity_rad_s=0.0, position_rad=0.0)
 
 def as_it_is(inputs: Inputs) -> Inputs:
     return inputs
+
+
+def fastest_rad_s(launcher: Launcher, seconds: float) -> float:
+    """The highest true speed of the wheels, armed after 0.1 s."""
+    launcher.arm(0.1)
+    fastest = 0.0
+    for _ in range(round(seconds / TICK_S)):
+        launcher.run(TICK_S)
+        fastest = max(fastest, launcher.wheel_rad_s)
+    return fastest
 
 
 def armed_again(launcher: Launcher, times: int) -> list[str]:
@@ -94,10 +105,19 @@ def test_loops_too_soft_for_their_torque_limit_are_released_before_wheels_run_aw
     pid = replace(wheel.pid, kp=kp, ki=0.0, output_high=most_nm)
     launcher = Launcher(replace(AIMED, flywheel=replace(wheel, ks_nm=ks_nm, kv_nm_s=kv_nm_s, pid=pid)))
     launcher.spoil = ZERO
-    launcher.arm(0.1)
-    launcher.run(10.0)
+    assert fastest_rad_s(launcher, 10.0) <= 1.15 * SET_RAD_S
     assert latched(launcher) == [because.JOINT_NOT_TURNING.name]
-    assert max(launcher.wheel_rad_s, launcher.wheel_rad / 10.0) <= 1.15 * SET_RAD_S
+
+
+@pytest.mark.parametrize(("share", "within_s"), [(0.6, 0.25), (0.7, 0.35), (0.74, 0.5)])
+def test_speeds_that_are_too_low_release_wheels_before_they_pass_their_set_point(share: float, within_s: float) -> None:
+    """Positions are right. Times are those that docs/explanation/safety.md states, and a reading."""
+    launcher = Launcher()
+    launcher.spoil = lambda inputs: replace(inputs, flywheels=tuple(
+        replace(motor, velocity_rad_s=share * motor.velocity_rad_s) for motor in inputs.flywheels))
+    assert fastest_rad_s(launcher, 3.0) <= 1.15 * SET_RAD_S
+    driven = [tick.command.flywheel_torque_nm > 0.0 for tick in launcher.ticks]
+    assert sum(driven) * TICK_S <= within_s and latched(launcher) == [hw.ENCODER_MISMATCH.name]
 
 
 def noisy(sigma_deg: float, **more: object) -> Callable[[Inputs], Inputs]:
