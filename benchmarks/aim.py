@@ -131,21 +131,8 @@ def best_points(case: Case, distance_m: float) -> float:
     return float(points_of(case, np.full(speed.size, distance_m), np.repeat(hood_deg, TRIMS.size), speed).max())
 
 
-class Judged(NamedTuple):
-    """The points of a distance by exhaustive search, and those of aim's set point: None where aim refuses."""
-
-    distance_m: float
-    best: float
-    got: float | None
-
-    @property
-    def short(self) -> float:
-        """Share of the best points that the set point lacks; 1 where aim refuses."""
-        return 1.0 - (self.got or 0.0) / self.best
-
-
-def judge(case: Case) -> list[Judged]:
-    """Every distance of a launcher."""
+def judge(case: Case) -> list[tuple[float, float | None]]:
+    """(points by exhaustive search, those of aim's set point: None where it refuses) of every distance that scores."""
     belief = point_belief({"drag": {"cd": case.cd}},
                           dict(zip(("speed", "elevation_deg"), case.scatter, strict=True)))
     try:
@@ -159,27 +146,26 @@ def judge(case: Case) -> list[Judged]:
         if row is not None:
             got = float(points_of(case, *(np.array([number]) for number in (
                 distance_m, row.hood_deg, row.motor_ratio * full_speed(case))))[0])
-        judged.append(Judged(distance_m, best_points(case, distance_m), got))
-    return judged
+        judged.append((best_points(case, distance_m), got))
+    return [(best, got) for best, got in judged if best >= SCORES]
 
 
-def shortfalls(case: Case) -> list[float]:
-    """Share of the best points that aim's set points lack, a number per distance that scores at all."""
-    return [one.short for one in judge(case) if one.best >= SCORES]
+def shortfalls(judged: list[tuple[float, float | None]]) -> list[float]:
+    """Share of the best points that aim's set points lack, a number per distance; 1 where aim refuses."""
+    return [1.0 - (got or 0.0) / best for best, got in judged]
 
 
 def main() -> int:
     args = read_options(__doc__, rigs=1000, seed=(1000, "of the first rig"))
-    show, judged = make_progress("aim"), list[list[Judged]]()
-    for seed in range(args.seed, args.seed + args.rigs):
-        judged.append(judge(make_case(seed)))
+    show, judged = make_progress("aim"), list[tuple[float, float | None]]()
+    for number in range(1, args.rigs + 1):
+        judged += judge(make_case(args.seed + number - 1))
         jax.clear_caches()                                # each rig is compiled for
-        show(len(judged) / args.rigs, f"{len(judged)} rigs")
-    every = [one for ones in judged for one in ones if one.best >= SCORES]
-    print(f"{len(judged)} rigs, {len(every)} distances that score by search; "
-          f"{sum(one.got is None for one in every)} of them refused by aim")
-    if every:
-        short = np.array([one.short for one in every])
+        show(number / args.rigs, f"{number} rigs")
+    print(f"{args.rigs} rigs, {len(judged)} distances that score by search; "
+          f"{sum(got is None for _, got in judged)} of them refused by aim")
+    if judged:
+        short = np.array(shortfalls(judged))
         told = ", ".join(f"{q:.1%} {np.quantile(short, q):.3%}" for q in QUANTILES)
         print(f"points short of the best, quantiles: {told}, worst {short.max():.3%}; over 1 %: {(short > 0.01).sum()}")
     return 0

@@ -29,29 +29,19 @@ from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, catalogue, terms_
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.term import Exit
 from truearc_proof.importers.ball_drops import import_sepia_drops
-from truearc_proof.rivals import OURS, RIVALS, find_rival
-from truearc_proof.rivals.claim import Claim, believed_of, rms
+from truearc_proof.rivals import OURS
+from truearc_proof.rivals.claim import rms
 from truearc_proof.rivals.residual import STEPS, Calibration, Emulator, Forecast, Runs
 from truearc_proof.rounds.marks import names_ranked
 from truearc_proof.table import make_markdown
 
 HEAD = ("data", "method", "detects", "names", "90 % interval of the first", "forecast error, held out")
 KOH, PLAIN = "kennedy-ohagan", "kennedy-ohagan, no discrepancy"
-DATA, NO_TRACKS = "SEPIA's falls", "does not apply: it reads tracks"
+DATA = "SEPIA's falls"
 LAWS = ("drag", "linear_drag")        # too few drops are kept for `discover`, which needs ten: it names one of all
 STEP_S, LONGEST_S = 0.005, 8.0
 LINEAR_DRAG = Path(__file__).parents[1] / "examples" / "linear_drag.py"
 Array = np.ndarray
-
-
-def claim_of(finding: dict[str, Any]) -> Claim:
-    """truearc's own finding (truearc.finding/1, decoded) as a claim like the others'; names only where its verdict
-    gives them."""
-    fit = finding.get("fit") or {}
-    before, after = fit.get("height_rmse_before_m"), fit.get("height_rmse_after_m")
-    names = tuple(names_ranked(finding)) if finding["verdict"] in ("named", "set") else ()
-    return Claim(bool(finding["mismatch"]["found"]), names, before, before if after is None else after,
-                 {} if finding["mismatch"]["p_value"] is None else {"p_value": float(finding["mismatch"]["p_value"])})
 
 
 Left = tuple[str, Array]              # what drops that are left out have in common, and which ones they are [n]
@@ -63,15 +53,12 @@ def falls(folder: Path, steps: int, most: int | None) -> Iterator[Row]:
     dataset = import_sepia_drops(*(folder / f"1_field.{end}" for end in ("dat", "height", "radii")))
     among = Catalogue((*catalogue(), *terms_of_file(LINEAR_DRAG, BUILT_IN)))
     found = discover(dataset, ("gravity",), seed=0, terms=among)
-    finding, believed = msgspec.json.decode(make_json(found.finding)), believed_of(found)
-    assert believed is not None
+    finding = msgspec.json.decode(make_json(found.finding))
     lefts = [(what, column == value) for what, column in zip(("radius", "height"), inputs_of(
         dataset).T, strict=True) for value in np.unique(column)[:most]]
     ours = _error_of(dataset, lefts, [by_law(dataset, among.find(LAWS), ~out) for _, out in lefts])
-    for name, claim in ((OURS, claim_of(finding)), ("argmax", find_rival("argmax")(dataset, believed, 0))):
-        yield (name, "yes" if claim.says_something else "no", ", ".join(claim.names[:1]),
-               _interval_of(finding) if name == OURS else "", ours)
-    yield from ((rival, NO_TRACKS, "", "", "") for rival in RIVALS if rival != "argmax")
+    yield (OURS, "yes" if finding["mismatch"]["found"] else "no", ", ".join(list(names_ranked(finding))[:1]),
+           _interval_of(finding), ours)
     emulator = emulator_of(folder)
     for name in (KOH, PLAIN):
         fit = partial(calibrate, emulator, dataset, name == KOH, steps)

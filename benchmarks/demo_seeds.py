@@ -25,7 +25,7 @@ from truearc.sim.compute import keep_compiled
 from truearc.sim.printed import make_text
 
 EVENTS = (NOTHING, *EFFECTS[:4])      # the control, and the effects of the published table
-PRACTICE = WorldChange("practice", NOTHING.options, ("wheel_slip",))    # which the paper's physics lacks
+PRACTICE = WorldChange("practice", NOTHING.options, {"wheel_slip": math.nan})     # which the paper's physics lacks
 LEVEL, TOGETHER = 0.05, "changed events together"
 
 
@@ -54,7 +54,8 @@ def run(rig: Rig, sizes: Sizes, events: Sequence[WorldChange], seed: int) -> Lin
 
 def _said(effect: WorldChange, act: Act) -> Line:
     record = act.finding.record
-    return {"act": effect.name, "terms": effect.terms, "verdict": record.verdict, "p_value": record.mismatch.p_value,
+    return {"act": effect.name, "terms": list(effect.terms), "verdict": record.verdict,
+            "p_value": record.mismatch.p_value,
             "names": [one.term for one in (act.finding.best, *act.finding.alternatives) if one],
             "sentence": record.sentence, "shots": len(act.shots.shots),
             "adopted": act.adopted.provenance.get("adopted"), "refused": act.adopted.provenance.get("refused"),

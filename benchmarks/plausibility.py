@@ -8,10 +8,7 @@ flights are computed here, by NumPy alone. The same shots are checked as they ar
 is one seed; seeds that a file has already are left out.
 """
 
-import argparse
-import json
 import re
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,10 +18,12 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace as changed
 
+from benchmarks.options import read_options
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
+from truearc_proof.parallel import append_line, lines_of
 
 Spoil = Callable[[Dataset, np.random.Generator], Dataset | None]
 FT, IN, CM, MM = 0.3048, 0.0254, 0.01, 0.001
@@ -347,26 +346,21 @@ def table(lines: list[dict[str, Any]]) -> str:
     return "\n".join(rows)
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Fill the file with lines, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=1, help="the first")
-    parser.add_argument("--rigs", type=int, default=1000)
-    parser.add_argument("--lines", type=Path, help="where lines are kept, and whose seeds are not run again")
-    parser.add_argument("--table", type=Path, help="print the table of such a file")
-    args = parser.parse_args(arguments)
+    args = read_options(__doc__, seed=(1, "the first"), rigs=1000,
+                        lines=(Path, "where lines are kept, and whose seeds are not run again"),
+                        table=(Path, "print the table of such a file"))
     path = args.table or args.lines
-    kept = path.read_text(encoding="utf-8").splitlines() if path and path.exists() else []
-    lines = [json.loads(line) for line in kept]
+    lines = list(lines_of(path)) if path else []
     done = {line["seed"] for line in lines}
     for seed in range(args.seed, args.seed + args.rigs) if args.table is None else ():
         if seed not in done:
             lines.append(line_of(seed))
             if args.lines:
-                with args.lines.open("a", encoding="utf-8") as file:
-                    print(json.dumps(lines[-1]), file=file)
+                append_line(args.lines, lines[-1])
     print(table(lines))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -4,7 +4,9 @@
 
 DIR has the tables that proof/IMPORTERS.md describes. Each set is imported and asked by the commands that
 docs/measured/real-data.md prints; a row has the number of shots, the first sentence of the answer, and how much better
-shots are forecast that were held out.
+shots are forecast that were held out. Of sets with tracks a second table says how far the heights of their ends are
+from forecasts by the first 40 % of each, as `truearc predict --tracks` makes them, by a plain fit of drag and lift in
+SciPy, and by gravity: of either half of the flights by fits to the other.
 """
 
 import argparse
@@ -13,11 +15,18 @@ import io
 import re
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
 
 import truearc as ta
 from truearc.cli.main import main as truearc
 from truearc.errors import InputError
+from truearc.sim.discover.select.simulations import FORECAST
+from truearc_proof.rivals.claim import end_errors, gather_flights, rms
 from truearc_proof.table import make_markdown
 
 LINEAR_DRAG = Path(__file__).parents[1] / "examples" / "linear_drag.py"
@@ -34,7 +43,10 @@ SETS = {
     "speeds": ("team 971's exit speeds", "frc-971", ("frc971_wheel_to_ball_speed.csv",)),
     "new-and-old": ("team 254's set points", "frc-254", ("frc_shot_tables.csv",)),
     "two-weeks": ("team 3476's set points", "frc-3476", ("frc3476_tuning_history.csv",)),
+    "decode": ("a team's shots at a goal", "ftc-decode", ("ftc_decode_shots.csv",)),
+    "clips": ("exits by phone clips", "fuel-clips", ("fuel_clip_shots.csv",)),
 }
+LAWS = {"mpi": ("drag", "magnus"), "bb": ("drag",)}       # what flies there: as believed and named
 
 
 def ask(name: str, data: Path, folder: Path) -> tuple[str, ...]:
@@ -53,6 +65,32 @@ def ask(name: str, data: Path, folder: Path) -> tuple[str, ...]:
             held_out[1].strip() if held_out else "-")
 
 
+def forecast(name: str, folder: Path) -> tuple[str, ...]:
+    """How far ends of tracks are from forecasts, by truearc, a plain fit and gravity; and how many are in the band."""
+    dataset, laws = ta.load_dataset(folder / name), LAWS[name]
+    flat = {"hood_deg": np.zeros(len(dataset.shots)), **dataset.shots.numbers}      # no spin depends on it
+    flights = gather_flights(replace(dataset, shots=replace(dataset.shots, numbers=flat)))
+    said: dict[str, tuple[Any, ...]] = {}
+    side = np.arange(len(dataset.shots)) % 2
+    plain, tracks = np.zeros(len(flights)), dataset.tracks
+    assert tracks is not None
+    for half in (0, 1):
+        mine, other = (np.flatnonzero(side == one).tolist() for one in (half, 1 - half))
+        belief = ta.fit(dataset.take(other), ["gravity", *laws]).belief
+        said |= {row[0]: row for row in ta.predict(dataset.take(mine), belief, tracks=FORECAST).rows}
+
+        def off(weights: np.ndarray) -> np.ndarray:
+            return end_errors(flights, laws, np.tile(weights, (len(flights), 1)))
+
+        fitted = least_squares(lambda one, kept=other: off(one)[kept], [0.1] * len(laws), method="lm", max_nfev=15)
+        plain[mine] = off(fitted.x)[mine]
+    ends = [(dataset.shots.shot_id[row], tracks.z_m[where[-1]]) for row, where in tracks.by_shot()]
+    ours = np.array([(said[shot][4] - z_m, said[shot][7]) for shot, z_m in ends]).T
+    errors = (ours[0], plain, end_errors(flights, (), np.zeros((len(flights), 0))))
+    return (SETS[name][0], *(f"{1000.0 * rms(one):.1f} mm" for one in errors),
+            f"{(np.abs(ours[0]) < ours[1]).sum()} of {len(ends)}")
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", metavar="DIR", type=Path, help="folder of the recordings")
@@ -61,8 +99,11 @@ def main() -> int:
     if unknown := set(args.only.split(",")) - set(SETS):
         parser.error(f"--only: there is no {', '.join(sorted(unknown))}; there are {', '.join(SETS)}")
     with tempfile.TemporaryDirectory() as folder:
-        rows = [ask(name, args.data, Path(folder)) for name in args.only.split(",")]
-    print(make_markdown(("set", "shots", "answer", "forecast of shots held out"), rows))
+        asked = args.only.split(",")
+        print(make_markdown(("set", "shots", "answer", "forecast of shots held out"),
+                            [ask(name, args.data, Path(folder)) for name in asked]))
+        if ahead := [forecast(name, Path(folder)) for name in asked if name in LAWS]:
+            print(make_markdown(("ends of tracks", "truearc", "plain fit", "gravity", "in the 90 % band"), ahead))
     return 0
 
 

@@ -40,6 +40,8 @@ SLOW, RISING = 0.05, 0.01             # shares of the set point: hardly turning,
 LEVEL_S = 0.05                        # a noisy speed is averaged over this, and has to rise by its noise, too
 # A joint's stated friction is what just moves it; three times as much moves it unless it is jammed
 HARD, HARD_NS, PUSH_NS = 3.0, 300_000_000, 460_000_000      # half a second with what the wires add
+# A noisy encoder lets the torque sink below friction for some ticks; a push goes on through lulls shorter than this
+LULL_NS, PUSHED_NS = 100_000_000, 20_000_000      # and when it last pushed is kept to the second
 UNKNOWN = 2.0                         # times the stated friction, which sysid is to measure
 MOVED_RAD = 1.0                       # of the hood motor, 0.2 degrees of the shipped hood: more than its play
 # Without a hood encoder nothing else shows a motor's encoder that stands still. Until motion shows, and SHOWN_S after
@@ -50,8 +52,8 @@ FAILURES = 3                          # in a row, each of which may have moved a
 # In a row, each of which may have sped up wheels that nothing shows turning: full torque takes the shipped ones to half
 # of a usual set point each time, and they coast for longer than a driver needs to arm again
 WHEEL_FAILURES = 2
-# Times the stated friction, and share of the torque limit, that move wheels by a loop too soft for the others; sysid,
-# which is to find their friction, asks for less
+# Times the stated friction that moves wheels by a loop too soft for the others. From that share of the torque limit on
+# it may not for PUSH_NS; by less torque for longer in proportion, in which it adds no more speed
 SOFT, SOFT_SHARE = 1.5, 0.2
 DIFFERENT = 3                         # readings in a row
 RATE_NS = 5_000_000                   # between encoder readings, for a rate: closer ones were held up on their way
@@ -231,7 +233,8 @@ def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns:
         if not uncounted and oldest and t_ns - oldest < REPEAT_NS:
             return Joint(because.RELEASED_REPEATEDLY(count=REPEATS, window_s=REPEAT_NS * NS, cause=passing), True)
         return replace(joint, cause=passing, good_t_ns=0, releases_t_ns=recent, push=0, stuck_t_ns=0, hard_t_ns=0,
-                       differ=0, homing_t_ns=0, began_t_ns=0, began_rad=0.0, began_screw_rad=0.0)
+                       hard_ns=0, pushed_t_ns=0, differ=0, homing_t_ns=0, began_t_ns=0, began_rad=0.0,
+                       began_screw_rad=0.0)
     if joint.cause is None:
         return joint
     if not joint.good_t_ns:
@@ -323,10 +326,11 @@ def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float,
     """Whether the slower of the wheels' motors answers to a torque that must turn it."""
     full = asked_nm >= FULL * config.flywheel.pid.output_high
     friction_nm, most_nm = config.flywheel.ks_nm, config.flywheel.pid.output_high
-    is_hard = (full or asked_nm > HARD * friction_nm > 0.0
-               or (asked_nm > max(SOFT * friction_nm, SOFT_SHARE * most_nm) and slowest < SLOW * wanted_rad_s))
+    is_hard, longest_ns = full or asked_nm > HARD * friction_nm > 0.0, FULL_NS if full else PUSH_NS
+    if not is_hard and slowest < SLOW * wanted_rad_s and asked_nm > max(SOFT * friction_nm, 0.0):
+        is_hard, longest_ns = True, round(PUSH_NS * max(1.0, SOFT_SHARE * most_nm / asked_nm))
     if is_hard or joint.slow_t_ns:
-        joint, noisy = _level(joint, slowest, wanted_rad_s, is_hard, FULL_NS if full else PUSH_NS, t_ns, config)
+        joint, noisy = _level(joint, slowest, wanted_rad_s, is_hard, longest_ns, t_ns, config)
         if noisy:
             return joint, because.JOINT_NOT_TURNING(joint=WHEELS, torque_nm=asked_nm)
     if not is_hard or slowest >= SLOW * wanted_rad_s:
@@ -335,7 +339,7 @@ def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float,
         return replace(joint, stuck_t_ns=t_ns, hard_t_ns=t_ns if full else 0, stuck_at=slowest), None
     if full != bool(joint.hard_t_ns):
         joint = replace(joint, hard_t_ns=t_ns if full else 0)
-    if (full and t_ns - joint.hard_t_ns >= FULL_NS) or t_ns - joint.stuck_t_ns >= PUSH_NS:
+    if (full and t_ns - joint.hard_t_ns >= FULL_NS) or t_ns - joint.stuck_t_ns >= max(longest_ns, PUSH_NS):
         return joint, because.JOINT_NOT_TURNING(joint=WHEELS, torque_nm=asked_nm)
     return joint, None
 
@@ -473,15 +477,17 @@ def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joi
             wanted_deg is not None and abs(wanted_deg - joint.dropped_deg) <= config.hood.tolerance_deg):
         joint = replace(joint, dropped_deg=None)
     if abs(asked_nm) <= (friction_nm if wanted_deg is not None or not memory.homed else UNKNOWN * friction_nm):
-        return (replace(joint, stuck_t_ns=0, hard_t_ns=0) if joint.stuck_t_ns else joint), None
+        ended = joint.stuck_t_ns and t_ns - joint.pushed_t_ns > LULL_NS
+        return (replace(joint, stuck_t_ns=0, hard_ns=0, pushed_t_ns=0) if ended else joint), None
     hard = abs(asked_nm) > HARD * friction_nm
     moved = abs(at_rad - joint.stuck_at) > MOVED_RAD
     if not joint.stuck_t_ns or moved:
         jams = 0 if joint.stuck_t_ns and moved else joint.jams
-        return replace(joint, stuck_t_ns=t_ns, hard_t_ns=t_ns if hard else 0, stuck_at=at_rad, jams=jams), None
-    if hard != bool(joint.hard_t_ns):
-        joint = replace(joint, hard_t_ns=t_ns if hard else 0)
-    if hard and t_ns - joint.hard_t_ns >= HARD_NS:
+        return replace(joint, stuck_t_ns=t_ns, hard_ns=0, pushed_t_ns=t_ns, stuck_at=at_rad, jams=jams), None
+    if hard or t_ns - joint.pushed_t_ns >= PUSHED_NS:
+        tick_ns = round(NS_PER_S / config.tick_hz)
+        joint = replace(joint, pushed_t_ns=t_ns, hard_ns=joint.hard_ns + tick_ns * hard)
+    if hard and joint.hard_ns >= HARD_NS:
         return replace(joint, jams=joint.jams + 1), because.HOOD_JAMMED(torque_nm=asked_nm)
     is_full = is_blind and (not memory.homed or abs(asked_nm) > 0.99 * BLIND * friction_nm)
     if t_ns - joint.stuck_t_ns < (BLIND_NS if is_full else PUSH_NS):
@@ -490,7 +496,8 @@ def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joi
         return joint, because.SWITCH_NOT_REACHED(limit_s=(t_ns - (joint.homing_t_ns or t_ns)) * NS)
     if wanted_deg is None or is_full or (is_blind and joint.jams):
         return joint, because.JOINT_NOT_TURNING(joint=HOOD, torque_nm=asked_nm)
-    return replace(joint, dropped_deg=wanted_deg, stuck_t_ns=0, hard_t_ns=0, jams=joint.jams + is_blind), None
+    return replace(joint, dropped_deg=wanted_deg, stuck_t_ns=0, hard_ns=0, pushed_t_ns=0,
+                   jams=joint.jams + is_blind), None
 
 
 def _homing(inputs: Inputs, hood_deg: float | None, memory: Memory, joint: Joint, asked_nm: float,
@@ -498,10 +505,10 @@ def _homing(inputs: Inputs, hood_deg: float | None, memory: Memory, joint: Joint
     """Whether homing takes longer, or goes further, than from one end of the travel to the other."""
     t_ns, at_rad, hood = inputs.t_ns, inputs.hood_motor.position_rad, config.hood
     beyond = hood_deg is not None and hood_deg <= hood.low_deg - SWITCH_DEG
-    if memory.homed or (asked_nm == 0.0 and not (beyond and joint.homing_t_ns)):
+    if memory.homed:
         return (replace(joint, homing_t_ns=0) if joint.homing_t_ns else joint), None
-    if not joint.homing_t_ns:
-        return replace(joint, homing_t_ns=t_ns, homing_rad=at_rad), None
+    if not joint.homing_t_ns:         # from the first torque on, whether or not every tick asks for some
+        return (replace(joint, homing_t_ns=t_ns, homing_rad=at_rad) if asked_nm else joint), None
     took_s = (t_ns - joint.homing_t_ns) * NS
     limit_s = HOMING_TIMES * (hood.high_deg - hood.low_deg) / hood.max_deg_s
     if beyond or took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * motors.screw_travel_rad(hood):

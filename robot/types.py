@@ -150,7 +150,7 @@ class Joint(Struct, frozen=True, omit_defaults=True):
     push_rad_s: float = 0.0                       # speed when the torque took that sign
     push_t_ns: int = 0                            # ... and when that was
     stuck_t_ns: int = 0                           # driven without motion since then
-    hard_t_ns: int = 0                            # ... with a torque that moves what is free
+    hard_t_ns: int = 0                            # ... wheels: with a torque that moves what is free
     slow_t_ns: int = 0                            # wheels: averages have not risen since then, while driven
     slow_rad_s: float = 0.0                       # ... and the average speed then
     level_rad_s: float = 0.0                      # ... average speed
@@ -170,6 +170,8 @@ class Joint(Struct, frozen=True, omit_defaults=True):
     began_screw_rad: float = 0.0                  # ... and the motor's
     moved_t_ns: int = 0                           # hood without encoder: its motor was seen to move then; 1: not yet
     moved_rad: float = 0.0                        # ... and was here
+    hard_ns: int = 0                              # hood: so long without motion by a torque that moves what is free
+    pushed_t_ns: int = 0                          # hood: when its torque was last above friction, without motion
 
 
 class MotionMemory(Struct, frozen=True, omit_defaults=True):

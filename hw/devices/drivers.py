@@ -34,6 +34,8 @@ SLACK_RAD_S = 3.0                     # ... by this, the noise of a speed, ...
 # ... and by what a filter of so long makes of a changing speed: a motor of ours has a quick one (a SPARK's is set to
 # 8 ms), another controller's may have its maker's, of 0.1 s
 OWN_LAG_S, LAG_S = 0.005, 0.2
+# Or by less, where four times the lag is allowed for: a speed that is 26 % too low shows before wheels pass a set point
+LESS_SHARE, MORE_LAG = 0.2, 4.0
 LASTS_NS = 20 * MS                    # readings that were held up, and are stamped when they came, differ for less
 GRAIN = 2.0 ** -23                    # of a 32-bit float
 # Turns, or turns per second or minute, that an encoder may mean, unless it is 0: less than a count of the finest,
@@ -113,7 +115,8 @@ class Agreement:
         lag_s = LAG_S if slower else 0.0 if abs(told) > abs(turned) else self._lag_s      # a filter runs behind
         lag = (max(speeds) - min(speeds)) * lag_s / span_s
         grain = GRAIN * (abs(first.position_rad) + abs(last.position_rad)) / span_s
-        allowed = SLACK_RAD_S + SHARE * max(abs(told), abs(turned)) + lag + grain
+        larger = max(abs(told), abs(turned))
+        allowed = SLACK_RAD_S + grain + min(SHARE * larger + lag, LESS_SHARE * larger + MORE_LAG * lag)
         return None if abs(told - turned) <= allowed else (told, turned)
 
 

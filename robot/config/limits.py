@@ -38,6 +38,7 @@ class Limit(NamedTuple):
 
 
 ROUNDING = 1e-9                       # of a product: 0.1 * 0.05 * 200 is a little more than 1
+STRAIGHT_DEG = 5.0                    # of motor, pivot and nut; chosen: a lever of a twelfth of the shorter arm is left
 
 
 @cache
@@ -147,9 +148,10 @@ def _of_encoder(config: Any) -> Iterator[tuple[str, str]]:
 def _of_motors(config: Any) -> Iterator[tuple[str, str]]:
     """Motors that are one and the same device, a screw that cannot be built."""
     bent = [config.hood.included_deg + end for end in (config.hood.low_deg, config.hood.high_deg)]
-    if bent[0] <= bent[1] and not 0.0 < bent[0] <= bent[1] < 180.0:
+    if bent[0] <= bent[1] and not STRAIGHT_DEG <= bent[0] <= bent[1] <= 180.0 - STRAIGHT_DEG:
         yield "hood.included_deg", (f"from low_deg to high_deg the angle motor, pivot, nut goes from {bent[0]:g} to "
-                                    f"{bent[1]:g} degrees; it stays between 0 and 180")
+                                    f"{bent[1]:g} degrees; it stays between {STRAIGHT_DEG:g} and "
+                                    f"{180.0 - STRAIGHT_DEG:g}, since a screw in line with the pivot has no lever")
     if len({family_of(axis).is_commanded for axis in config.axes.flywheels}) > 1:
         yield "axes.flywheels", ("some are \"advisory\", which another controller drives, and some are driven here; "
                                  "the motors of one belt have one master")

@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Int
 
 from truearc.sim.check.motion import Motion
 from truearc.sim.data.dataset import Dataset, Floats
@@ -54,19 +54,14 @@ class Reading(NamedTuple):
 class Rows(NamedTuple):
     """Residuals of lanes of parameters [l, p] with standard deviations, both [l, n]; nan: a scatter with `wide` [n].
 
-    whose: row in Shots; weight: how much of a row counts; unusual: nats by which the sizes are unusual, by name.
+    whose: row in Shots; weight: how much of a row counts; unusual: nats by which sizes are so.
     """
 
     residuals: Callable[[Floats], tuple[Floats, Floats]]
     wide: Floats
     whose: Int[np.ndarray, " n"]
     weight: Floats
-    unusual: dict[str, float]
-
-    @property
-    def scattered(self) -> Bool[np.ndarray, " n"]:
-        """Which rows are speeds of shots, which have a scatter."""
-        return self.wide > 0.0
+    unusual: float
 
 
 class Fit(NamedTuple):
@@ -121,7 +116,7 @@ def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: floa
 
 
 def judged_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
-    """Return the rows of shots known to have reached the target, with a distance, an angle and a speed."""
+    """Return the rows of shots known to have reached the target, with a distance, an angle and a speed; none of few."""
     shots, target = dataset.shots, dataset.rig.target
     heights = shots.number("miss_height_m")
     scored = np.isin(shots.text("outcome"), ("two", "three"))
@@ -140,9 +135,9 @@ def elevation_deg(dataset: Dataset) -> Floats:
     return np.asarray(np.where(np.isfinite(seen), seen, dataset.shots.number("hood_deg")))
 
 
-def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: dict[str, float], rough: bool = False) -> Rows:
+def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: float, rough: bool = False) -> Rows:
     """Rows of a dataset; as many, in the same order, for every reading of it. rough: for a first look."""
-    parts = []
+    parts: list[Any] = [(lambda theta: (np.zeros((len(theta), 0)),) * 2, [], np.zeros(0, dtype=int), [])]
     if len(judged):
         flown, wide = _of_shots(reading.dataset, judged, ROUGH if rough else (STEPS, TURNS))
         parts.append((flown, wide, judged, np.full(len(judged), min(1.0, FULL / len(judged)))))
@@ -150,9 +145,6 @@ def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: dict[str, 
         own = reading.motion.shot
         parts.append((_of_tracks(reading.dataset, reading.motion), np.zeros(10 * len(own)), np.tile(own, 10),
                       np.full(10 * len(own), min(1.0, FULL / 2.0 / len(own)))))
-    if not parts:
-        return Rows(lambda theta: (np.zeros((len(theta), 0)),) * 2, np.zeros(0), np.zeros(0, dtype=int), np.zeros(0),
-                    unusual)
     functions, wides, whose, weights = zip(*parts, strict=True)
 
     def residuals(theta: Floats) -> tuple[Floats, Floats]:
@@ -318,15 +310,15 @@ def _judge(readings: Sequence[Rows], theta: Floats) -> Judged:
     best, lane = cost.argmin(axis=0), np.arange(len(theta))
     picked = which[best, lane][:, place]
     off = np.choose(picked, offs)
-    width = np.choose(picked, [one[best if len(one) > 1 else 0 * best, lane] for one in widths])
+    width = np.choose(picked, [one[best, lane] for one in widths])
     curve = readings[0].weight * (FREEDOM + 1.0) / (FREEDOM + (off / width)**2) / width**2
-    score = -cost[best, lane] - 0.5 * (theta**2).sum(axis=1) - sum(readings[0].unusual.values())
+    score = -cost[best, lane] - 0.5 * (theta**2).sum(axis=1) - readings[0].unusual
     return Judged(score, off, curve, picked, off / width, spread[best])
 
 
 def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 4, lanes: int = 2) -> Fit:
     """The best believable physics; each shot is read as the likelier of `readings`. near: more starts."""
-    scattered = readings[0].scattered
+    scattered = readings[0].wide > 0.0          # speeds of shots
     starts = np.zeros((len(STARTS), len(TERMS)))
     starts[:, [CD, CL]] = STARTS
     starts = np.concatenate([*(one[None] for one in near), starts])
@@ -353,7 +345,7 @@ def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 
     at = int(last.score.argmax())
     best = best if turns else starts
     each = 0.5 * (FREEDOM + 1.0) * np.log1p(last.rest[at]**2 / FREEDOM)
-    common = last.spread[at] + 0.5 * best[at] @ best[at] + sum(readings[0].unusual.values())
+    common = last.spread[at] + 0.5 * best[at] @ best[at] + readings[0].unusual
     return Fit(float(last.score[at]), float(np.maximum(each - ORDINARY, 0.0) @ readings[0].weight + common),
                float(each @ readings[0].weight + common), best[at], last.rest[at],
                np.unique(readings[0].whose[last.which[at] > 0]))

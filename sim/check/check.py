@@ -7,18 +7,20 @@ factor of BETTER with the slip undone. Less is a warning.
 
 import math
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import DENSEST_KG_M3, too_large
-from truearc.sim.check.believable import SCORES, Fit, Reading, Rows, explain, judged_shots, lifts_less, rows_of
-from truearc.sim.check.causes import LENGTHS, Cause, Flaw, causes, unusual, value_of
+from truearc.robot.config.rig_spec import too_large
+from truearc.sim.check import believable
+from truearc.sim.check.believable import Fit, Reading, Rows, explain, judged_shots, rows_of
+from truearc.sim.check.causes import TABLE, UNITS, Flaw, causes, unusual, value_of
 from truearc.sim.check.motion import TRACKS, jolts, measure_motion
-from truearc.sim.data.dataset import Dataset, Times
+from truearc.sim.data.dataset import Dataset, Floats, Times
 from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.physics.simulate import has_wheels
 
@@ -35,17 +37,8 @@ MIXED = 1.5                           # nats that another unit in some rows cost
 LONE = 10.0                           # standard deviations of a single row; chosen: chance once in 10^4 by Student's t
 CLOSE = 2.0                           # nats within which another cause is named, too; chosen: seven times as likely
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's; chosen: as scales err
-LIGHTEST_KG_M3, LIGHT_KG_M3 = 3.0, 18.0  # of a ball: below are balloons, and below the radius may be the diameter
-HEAVY_KG_M3 = 1500.0                  # above this the mass may be in ounces; a bowling ball has 1400, a golf ball 1150
 OUNCE_KG = 0.0283495                  # definition
-THIN_KG_M3, WEAKEST_M_S2 = 0.5, 1.2   # air at 8 km (ICAO 1993), and gravity below the Moon's: not on Earth
-OF_KEY = {"world.gravity_m_s2": "gravity", "launcher.wheel.clock_deg": "wheels", "launcher.release_height_m": "release",
-          "launcher.free_speed_rad_s": "speed", "tracker.scale_sd": "noise", "tracker.tilt_sd_deg": "noise",
-          "tracker.clock_sd": "noise", "launcher.wheel.radius_m": "radius"}          # key of the rig -> its check
 UPRIGHT_DEG = 85.0                    # hood angles from which a ball need not go forwards; chosen: scatter turns it
-# Derived: 0.1 s too little of 1.5 s, and a fall that takes seven times as long as without air
-FASTEST, SLOWEST = 1.15, 0.02         # acceleration of a fall from rest, by the rig's gravity: beyond, units are others
-LIKELY = (0.3, 1.05)                  # the same in the unit that a message names; derived: drag takes up to two thirds
 
 
 def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
@@ -65,8 +58,8 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
         objections = [_named(objection, dataset) for objection in _objections(dataset)]
     refused = [objection for objection in objections if not objection.warns and objection.check not in accept]
     if refused:
-        raise InputError("\n".join(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; accept it "
-                                   "by name if it is so)" for objection in refused))
+        raise InputError("\n".join(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; if the "
+                                   f"data are right as recorded: --accept {objection.check})" for objection in refused))
     return replace(dataset, accepted=tuple(f"{objection.check}: {objection}" for objection in objections))
 
 
@@ -74,7 +67,7 @@ def _named(objection: Flaw, dataset: Dataset) -> Flaw:
     """Return the objection with the files' own column names, and what they are read as."""
     file, _, keys = objection.place.rpartition(": ")
     names = {"tracks": dataset.track_columns, dataset.shots.source: dataset.shots.written}.get(file, {})
-    read = [f"{names[key]} is read as {key}" for key in re.findall(r"\w+", keys) if key in names]
+    read = [f"{key} is the file's {names[key]}" for key in re.findall(r"\w+", keys) if key in names]
     if not read:
         return objection
     own = re.sub(r"\w+", lambda key: names.get(key[0], key[0]), keys)
@@ -92,11 +85,6 @@ def _placed(objection: Flaw, shots: str) -> str:
     return f"{folder}/{objection._replace(place=objection.place.replace(table, file, 1))}"
 
 
-def judges_reach(dataset: Dataset) -> bool:
-    """Whether enough shots score, with known distance, angle and speed, to compare these with each other."""
-    return len(judged_shots(dataset)) >= SCORES
-
-
 def _objections(dataset: Dataset) -> Iterator[Flaw]:
     unmeasured = list(_unmeasured(dataset))
     yield from unmeasured
@@ -112,13 +100,16 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
     yield from likely
     yield from (flaw for flaw in stated if flaw.place not in places)
     if dataset.times is not None:
-        yield from judge_times(dataset, dataset.times)
+        yield from _of_times(dataset, dataset.times)
 
 
 def _judged(reading: Reading) -> Iterator[Flaw]:
     """Yield the likeliest slip if, undone, it lets believable physics explain the data better than as recorded."""
     judged = judged_shots(reading.dataset)
-    as_recorded = rows_of(reading, judged, unusual(reading.dataset))
+
+    def told(undone: Reading, shots: np.ndarray, rough: bool = False) -> Rows:
+        return rows_of(undone, shots, sum(unusual(undone.dataset).values()), rough)
+    as_recorded = told(reading, judged)
     known = explain([as_recorded])
     yield from _topspin(reading, as_recorded, known)
     if known.surprise < EXPECTED:
@@ -126,33 +117,31 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
     # the shots that are farthest off, and as many others, tell which slips are promising
     odd = np.argsort(-np.abs(known.rest[:len(judged)]))[:FEW // 2]
     few = judged[np.unique(np.append(odd, np.linspace(0, len(judged) - 1, min(FEW, len(judged))).astype(int)))]
-    as_few = rows_of(reading, few, unusual(reading.dataset), rough=True)
-    stated = sum(as_few.unusual.values())
-    every = [(stated + MIXED if some else sum(unusual(cause.undone.dataset).values()) + cause.rare, place, cause, some)
-             for place, cause in enumerate(causes(reading)) for some in ((False, True) if cause.single else (False,))]
-    tried: list[tuple[float, int, Cause, bool]] = []
+    as_few = told(reading, few, rough=True)
+    every = [cause for one in causes(reading) for cause in (
+        (one, one._replace(rare=MIXED, mixed=True)) if one.single else (one,))]
+    unlikely = [cause.rare + (as_few.unusual if cause.mixed else sum(unusual(cause.undone.dataset).values()))
+                for cause in every]
+    tried: list[tuple[float, int]] = []
     best = as_recorded_few = explain([as_few], [known.values], 0).score
-    for unlikely, place, cause, some in sorted(every, key=lambda one: one[:2]):
+    for place in sorted(range(len(every)), key=unlikely.__getitem__):
         # even where it explained all else, it would not be the best
-        if unlikely > known.lower - (best - as_recorded_few) + SLACK:
+        if unlikely[place] > known.lower - (best - as_recorded_few) + SLACK:
             break
-        rows = rows_of(cause.undone, few, unusual(cause.undone.dataset), rough=True)
-        score = explain([as_few, rows] if some else [rows], [known.values], 1, 1).score
-        score -= MIXED if some else cause.rare
-        tried.append((score, -place, cause, some))
+        undone = [*[as_few] * every[place].mixed, told(every[place].undone, few, rough=True)]
+        score = explain(undone, [known.values], 1, 1).score - every[place].rare
+        tried.append((score, -place))
         best = max(best, score)
-    tried = sorted(tried, reverse=True, key=lambda one: one[:2])[:PROMISING]
     found: list[tuple[float, float, Flaw]] = []
-    for _, _, cause, some in tried:
-        rows, flaw = rows_of(cause.undone, judged, unusual(cause.undone.dataset)), cause.flaw
-        fit = explain([as_recorded, rows] if some else [rows], [known.values])
-        if some:
-            if len(fit.otherwise) < (2 if cause.undone.dataset is not reading.dataset else 1):
-                continue
-            ids = [reading.dataset.shots.shot_id[row] for row in fit.otherwise]
-            flaw = flaw._replace(what=f"{len(ids)} of {len(set(as_recorded.whose))} judged look like {cause.single}: "
-                                 f"convert these: {', '.join(ids[:5])}{', ...' if len(ids) > 5 else ''}")
-        found.append((fit.score - known.score - (MIXED if some else cause.rare), cause.sure, flaw))
+    for cause in (every[-place] for _, place in sorted(tried, reverse=True)[:PROMISING]):
+        fit, flaw = explain([*[as_recorded] * cause.mixed, told(cause.undone, judged)], [known.values]), cause.flaw
+        if cause.mixed and len(fit.otherwise) < (1 if cause.undone.dataset is reading.dataset else 2):
+            continue
+        if cause.mixed:
+            ids = _listed([reading.dataset.shots.shot_id[row] for row in fit.otherwise])
+            flaw = flaw._replace(what=f"{len(fit.otherwise)} of {len(set(as_recorded.whose))} judged look like "
+                                 f"{cause.single}: convert these: {ids}")
+        found.append((fit.score - known.score - cause.rare, cause.sure, flaw))
     found.sort(reverse=True)
     gain, sure, flaw = found[0] if found else (-math.inf, 1.0, Flaw("", "", ""))
     if gain > LIKELIER:
@@ -169,138 +158,121 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
 
 def _topspin(reading: Reading, rows: Rows, known: Fit) -> Iterator[Flaw]:
     """Yield a warning if the stated backspin presses balls down: it may be topspin."""
-    spin = reading.dataset.shots.number("exit_spin_rev_s")
-    if reading.motion is not None and np.isfinite(spin).any() and lifts_less(rows, known) > PRESSED:
-        yield Flaw("spin", f"{reading.dataset.shots.source}: exit_spin_rev_s", "the more of it, the faster balls fall; "
-                   "backspin, which lifts, is positive: if this is topspin, multiply it by -1", warns=True)
+    shots = reading.dataset.shots
+    if reading.motion is not None and np.isfinite(shots.number("exit_spin_rev_s")).any() and (
+            believable.lifts_less(rows, known) > PRESSED):
+        yield remark("topspin", source=shots.source)
 
 
 def _unexplained(reading: Reading, whose: np.ndarray, known: Fit) -> Iterator[Flaw]:
     """Yield rows or numbers that neither believable physics nor a known slip explains."""
     shots = reading.dataset.shots
-    place = f"{shots.source}: distance_m, hood_deg or speed"
-    far = np.unique(whose[np.abs(known.rest) > LONE])
-    if len(far):
-        ids = ", ".join(shots.shot_id[row] for row in far[:5]) + (", ..." if len(far) > 5 else "")
-        yield Flaw("fit", place, f"{len(far)} shots are far from what the others and believable physics say: {ids}; "
-                   "make sure of these rows", warns=True)
+    if len(far := np.unique(whose[np.abs(known.rest) > LONE])):
+        yield remark("far", source=shots.source, count=len(far), shots=_listed([shots.shot_id[row] for row in far]))
     elif known.surprise > ODD:
-        yield Flaw("fit", place, "no believable drag, lift, slip or hood explains these; make sure of units and angles",
-                   warns=True)
+        yield remark("unexplained", source=shots.source)
 
 
 def _unmeasured(dataset: Dataset) -> Iterator[Flaw]:
     """A coordinate that never varies was not measured; a ball goes forwards unless it is thrown upright, and falls."""
-    tracks = dataset.tracks
-    if tracks is None:
-        return
     upright = not (dataset.shots.number("hood_deg") < UPRIGHT_DEG).any()
-    for name, values, why in (("x_m", tracks.x_m, "" if upright else "the distance from the exit to the target's side"),
-                              ("y_m", tracks.y_m, ""), ("z_m", tracks.z_m, "the height above the floor")):
+    for axis, meaning in (("x_m", "the distance from the exit to the target's side"), ("y_m", ""),
+                          ("z_m", "the height above the floor")):
+        values = getattr(dataset.tracks, axis, np.zeros(0))
         known = values[np.isfinite(values)]
-        if len(known) > 1 and np.ptp(known) == 0.0 and (name != "x_m" or why):
-            yield Flaw("axes", f"tracks: {name}", f"is {known[0]:g} in every sample" + (
-                f"; it is {why}" if why else ", so it is taken as not measured: nothing can be found that way"),
-                       warns=not why)
+        if len(known) > 1 and np.ptp(known) == 0.0 and not (upright and axis == "x_m"):
+            yield remark("unmeasured" if meaning else "flat", axis=axis, value=known[0], meaning=meaning)
 
 
 def _touched(dataset: Dataset, touched: list[tuple[int, float, bool]]) -> Iterator[Flaw]:
-    for early, what, cut in ((True, "begin before the ball is free, as in a hand", "after"),
-                             (False, "turn at once, as a ball does that touches something", "before")):
+    for name, early in (("held", True), ("touched", False)):
         own = [f"{dataset.shots.shot_id[shot]} at t_s = {t_s:.4g}" for shot, t_s, at_start in touched
                if at_start == early]
         if own:
             # noise makes one of some 800 tracks look so, measured by benchmarks.plausibility: one alone is warned of
             alone = len(own) == 1 and dataset.tracks is not None and len(set(dataset.tracks.shot)) > TRACKS
-            yield Flaw("bounce", "tracks: x_m, y_m, z_m", f"{len(own)} tracks {what} ({', '.join(own[:3])}"
-                       f"{' ...' if len(own) > 3 else ''}): keep of each track what is {cut} that", warns=alone)
+            yield remark(name, count=len(own), shots=_listed(own, 3))._replace(warns=alone)
 
 
 def _stated(dataset: Dataset) -> Iterator[Flaw]:
     """Yield numbers that are probably mistakes whatever the physics."""
     rig, shots = dataset.rig, dataset.shots
     for key, what in too_large(rig):
-        check = OF_KEY.get(key, key.partition(".")[0])
-        if check in CHECKS and (check != "release" or rig.target is not None):    # others drop balls from towers
+        check = TABLE["checks"].get(key)
+        if check and (check != "release" or rig.target is not None):              # others drop balls from towers
             yield Flaw(check, f"rig.toml: {key}", what)
-    for key, least, usual in (("world.gravity_m_s2", WEAKEST_M_S2, "gravity on Earth is 9.81"),
-                              ("air.density_kg_m3", THIN_KG_M3, "air at sea level has 1.2")):
-        if 0.0 < (value := value_of(dataset, key)) < least:
-            yield Flaw(key.partition(".")[0].replace("world", "gravity"), f"rig.toml: {key}",
-                       f"{value:g} is not of this Earth: {usual}")
+    for key in ("world.gravity_m_s2", "air.density_kg_m3"):
+        yield from beyond(key, np.array([value_of(dataset, key)]), lambda row, at: {"place": f"rig.toml: {row['of']}"})
     yield from _balls(dataset)
     if rig.target is not None and rig.launcher.release_height_m == 0.0:
-        yield Flaw("release", "rig.toml: launcher.release_height_m", "is not stated, so balls are taken to leave at "
-                   "the floor; state it", warns=True)
-    if "exit_spin_rev_s" not in shots.numbers and not any(name in shots.numbers for name in SPIN_VECTOR):
-        for name in (name for name in shots.numbers if "spin" in name.lower()):
-            yield Flaw("spin", f"{shots.source}: {name}", "is not read as the ball's spin; if it is that, rename it to "
-                       "exit_spin_rev_s, backspin positive", warns=True)
-    turning = [(wheel, shots.number(f"wheel_{wheel.name}_rad_s")) for wheel in rig.launcher.wheel if wheel.gear]
-    gears = [abs(wheel.gear) for wheel, _ in turning]
-    if len(turning) > 1 and max(gears) > 1.3 * min(gears) and np.isfinite(turning[0][1]).sum() >= SCORES and all(
-            np.allclose(turning[0][1], one, equal_nan=True) for _, one in turning):
-        yield Flaw("wheels", f"{shots.source}: {', '.join(f'wheel_{wheel.name}_rad_s' for wheel, _ in turning)}", "are "
-                   "equal although the wheels' gears differ; make sure that they are not the motors', before the gears",
-                   warns=True)
+        yield remark("floor")
+    if not shots.numbers.keys() & {"exit_spin_rev_s", *SPIN_VECTOR}:
+        yield from (remark("unread", source=shots.source, column=name) for name in shots.numbers
+                    if "spin" in name.lower())
+    turning = {f"wheel_{wheel.name}_rad_s": abs(wheel.gear) for wheel in rig.launcher.wheel if wheel.gear}
+    speeds = np.array([shots.number(name) for name in turning])
+    if len(turning) > 1 and max(turning.values()) > 1.3 * min(turning.values()) and (
+            np.isfinite(speeds[0]).sum() >= believable.SCORES and np.allclose(speeds, speeds[0], equal_nan=True)):
+        yield remark("equal", source=shots.source, columns=", ".join(turning))
 
 
 def _balls(dataset: Dataset) -> Iterator[Flaw]:
     """Judge the rig's ball, and the balls that shots state."""
     ball, shots = dataset.rig.ball, dataset.shots
-    mass_kg, radius_m = (np.append(np.where(np.isfinite(given := shots.number(name)), given, own), own)
+    mass_kg, radius_m = (np.append(own, np.where(np.isfinite(given := shots.number(name)), given, own))
                          for name, own in (("mass_kg", ball.mass_kg), ("radius_m", ball.radius_m)))
-    density = mass_kg / (4.0 / 3.0 * math.pi * radius_m**3)
-    for check, wrong, key, what, warns in (
-            ("mass", density > DENSEST_KG_M3, "mass_kg", "is denser than any metal; this looks like grams: {grams:g} "
-             "kg; rename the column mass_kg to mass_g", False),
-            ("radius", density < LIGHTEST_KG_M3, "radius_m", "is hardly heavier than the air in its place; this looks "
-             "like {units}; rename the column radius_m to radius_cm or radius_in", False),
-            ("mass", density > HEAVY_KG_M3, "mass_kg", "is as dense as stone or metal; make sure that it is not in "
-             "ounces, which would be {ounces:.3g} kg, and that radius_m is not half of the radius", True),
-            ("radius", density < LIGHT_KG_M3, "radius_m", "is light for its size; make sure that radius_m is not the "
-             "diameter", True)):
-        if wrong.any():
-            row = len(shots) if wrong[-1] else int(np.argmax(wrong))
-            mass, radius = mass_kg[row], radius_m[row]
-            units = [f"{unit} ({radius * metres:.4g} m)" for unit, (_, metres) in LENGTHS.items()
-                     if LIGHT_KG_M3 < density[row] / metres**3 < DENSEST_KG_M3]
-            said = what.format(grams=mass / 1000.0, ounces=mass * OUNCE_KG, units=" or ".join(units) or "another unit")
-            own = row == len(shots)
-            yield Flaw(check, f"rig.toml: ball.{key}" if own else f"{shots.source}: mass_kg, radius_m",
-                       f"{'a ball' if own else f'the ball of shot {shots.shot_id[row]}'} of {mass:g} kg and {radius:g} "
-                       f"m radius {said.partition('; rename')[0] if own else said}", warns)
-            break
+
+    def said(row: dict[str, Any], at: int) -> dict[str, Any]:
+        place, whose = (f"rig.toml: ball.{row['key']}", "a ball") if at == 0 else (
+            f"{shots.source}: mass_kg, radius_m", f"the ball of shot {shots.shot_id[at - 1]}")
+        return {"place": place, "ball": f"{whose} of {mass_kg[at]:g} kg and {radius_m[at]:g} m radius",
+                "number": radius_m[at], "grams": mass_kg[at] / 1000.0, "ounces": mass_kg[at] * OUNCE_KG,
+                "todo": row.get("todo", "") if at else ""}
+    yield from beyond("ball", mass_kg / (4.0 / 3.0 * math.pi * radius_m**3), said)
     if max(np.ptp(np.log(mass_kg)), np.ptp(np.log(radius_m))) > ALIKE_BALLS:
-        yield Flaw("balls", f"{shots.source}: mass_kg, radius_m", "differ from the ball of rig.toml, which train, aim, "
-                   "gates and paper fit simulate; fit, discover and predict by coefficients simulate each shot's. "
-                   "State in rig.toml the ball that the robot will shoot", warns=True)
+        yield remark("balls", source=shots.source)
 
 
-def judge_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:
+def _of_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:
     """Judge the times of shots without a known launch, which were dropped from the release height."""
     rig, shots = dataset.rig, dataset.shots
     sped = has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
-    dropped = ~(sped & (np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))))[times.shot]
+    dropped = ~(sped & np.isfinite(believable.elevation_deg(dataset)))[times.shot]
     fallen_m = (rig.launcher.release_height_m - times.height_m)[dropped]
-    if not len(fallen_m):
-        return
     if (fallen_m <= 0.0).any():
-        yield Flaw("release", "times: height_m", "balls of which no launch is known are taken as dropped from "
-                   f"launcher.release_height_m = {rig.launcher.release_height_m:g} of rig.toml, and one is timed at "
-                   f"{times.height_m[dropped].max():g} m; state the height that they fell from, or their launch")
-        return
-    each = 2.0 * fallen_m / times.t_s[dropped]**2 / rig.world.gravity_m_s2
-    pull = float(np.median(each))
-    if pull > FASTEST:
-        units = [name for name, (_, metres) in LENGTHS.items() if LIKELY[0] < pull * metres < LIKELY[1]]
-        yield Flaw("gravity", "times: height_m", f"balls dropped from rest fall {pull:.3g} times as fast as gravity "
-                   f"has it{'; heights look like ' + ' or '.join(units) if units else '; times may be halved'}")
-    elif pull < SLOWEST:
-        looks = "milliseconds" if LIKELY[0] < pull * 1e6 < LIKELY[1] else "another unit"
-        yield Flaw("gravity", "times: t_s", f"balls dropped from rest fall with {pull:.2g} of gravity; times look like "
-                   f"{looks}")
-    elif len(odd := np.flatnonzero((each > FASTEST) | (each < SLOWEST))):
-        name = shots.shot_id[times.shot[np.flatnonzero(dropped)[odd[0]]]]
-        yield Flaw("gravity", "times: t_s", f"{name} falls with {each[odd[0]]:.2g} of gravity, where drops have "
-                   f"{pull:.2g} in the middle ({len(odd)} of {len(each)} are so far off); correct its time or height")
+        yield remark("above", stated=rig.launcher.release_height_m, height=times.height_m[dropped].max())
+    elif len(fallen_m):
+        each = 2.0 * fallen_m / times.t_s[dropped]**2 / rig.world.gravity_m_s2
+        middle, names = np.median(each), [shots.shot_id[row] for row in times.shot[dropped]]
+        for of, values in (("fall", np.array([middle])), ("each fall", each)):
+            if found := list(beyond(of, values, lambda row, at: {
+                    "place": f"times: {row['key']}", "shot": names[at], "middle": middle, "all": len(each)})):
+                yield from found
+                return
+
+
+def beyond(of: str, values: Floats, said: Callable[[dict[str, Any], int], dict[str, Any]]) -> Iterator[Flaw]:
+    """Yield the first limit of slips.toml that some numbers are beyond; said: its place and words, of the first one."""
+    for row in TABLE["limits"]:
+        wrong = np.flatnonzero((values < row.get("least", -math.inf)) | (values > row.get("most", math.inf)))
+        if row["of"] == of and len(wrong):
+            value = values[wrong[0]]
+            words: dict[str, Any] = {"number": 1.0, "todo": "", **said(row, int(wrong[0]))}
+            units = [row.get("each", "{unit}").format(unit=unit, number=words["number"] * size)
+                     for unit, (_, size) in UNITS.get(row.get("units", ""), {}).items()
+                     if row["likely"][0] < value * size**row["power"] < row["likely"][1]]
+            looks = row["looks"].format(units=" or ".join(units)) if units else row.get("otherwise")
+            what = row["what"].format(value=value, count=len(wrong), looks=looks, **words) + words["todo"]
+            yield Flaw(row["check"], words["place"], what, row.get("warns", False))
+            return
+
+
+def remark(name: str, **said: Any) -> Flaw:
+    """Return what slips.toml says of a finding."""
+    row = TABLE["remarks"][name]
+    return Flaw(row["check"], row["place"].format(**said), row["what"].format(**said), row.get("warns", False))
+
+
+def _listed(names: list[str], most: int = 5) -> str:
+    """The first names, and whether there are more."""
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")

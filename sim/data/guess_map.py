@@ -40,17 +40,6 @@ TWO_POINTS = (": a servo's position, not an angle; measure two angles or more, a
 OPEN = {text: word for word, texts in cols.VOCABULARY["open"].items() for text in texts}
 
 
-@dataclass(frozen=True)
-class Names:
-    """Words of a signal's name: one of `nouns`, or of `loose` where signals are few; one of `kinds`, or such a unit;
-    none of `never`."""
-
-    nouns: Set[str] = frozenset()
-    loose: Set[str] = frozenset()
-    kinds: Set[str] = frozenset()
-    never: Set[str] = frozenset()
-
-
 def _words(listed: Sequence[str]) -> frozenset[str]:
     """The words of a list of words.toml, and of the groups that it names."""
     return frozenset(one for word in listed
@@ -58,7 +47,8 @@ def _words(listed: Sequence[str]) -> frozenset[str]:
 
 
 GROUPS = {name: _words(listed) for name, listed in cols.VOCABULARY["groups"].items()}
-NAMED = {column: Names(**{kind: _words(listed) for kind, listed in kinds.items()})
+# column -> words of a signal's name: nouns, loose, kinds, never (words.toml)
+NAMED = {column: [_words(kinds.get(kind, ())) for kind in ("nouns", "loose", "kinds", "never")]
          for column, kinds in cols.VOCABULARY["names"].items()}
 # what is needed -> the other columns that stand for it
 NEEDED = {"distance_m": (), "hood_deg": ("exit_deg",), MOTOR: ("motor_ratio", "exit_speed_m_s")}
@@ -208,7 +198,7 @@ class _Guessing:
         """A column that is called as one of shots.csv."""
         column, *_ = read_as(key, is_shot_column)
         other_sides = {str(value).lower() for value in self.free[key].values} - {*cols.SIDES}
-        if (not is_shot_column(column) or column in ("outcome", SERVO, *self.columns)
+        if (not is_shot_column(column) or column in ("outcome", SERVO, "day", *self.columns)
                 or (column == "side" and other_sides) or (column == "shot_id" and not self._is_name(key))):
             return
         plain = "_".join(key.lower().split())
@@ -253,13 +243,13 @@ class _Guessing:
 
     def _score(self, series: Series, column: str) -> float:
         """How much a signal looks like a column by its name, unit and numbers; 0 where it cannot be that."""
-        names, words = NAMED[column], words_of(series.name)
-        said, nouns = set(words), names.nouns | (names.loose if self.tables or len(self.all) < MOST_LISTED else set())
-        if not series.numeric or not nouns & said or (names.never | (GROUPS["odd"] - names.kinds - nouns)) & said:
+        (nouns, loose, kinds, never), words = NAMED[column], words_of(series.name)
+        said, nouns = set(words), nouns | (loose if self.tables or len(self.all) < MOST_LISTED else frozenset())
+        if not series.numeric or not nouns & said or (never | (GROUPS["odd"] - kinds - nouns)) & said:
             return 0.0
         unit = unit_said(series) or unit_seen(series, column)
         factor = maps.factor_of(column, unit) if unit else None
-        if factor is None and (unit or (names.kinds and not names.kinds & said)):
+        if factor is None and (unit or (kinds and not kinds & said)):
             return 0.0
         scale, zero = factor or (1.0, 0.0)
         values = (np.asarray(series.values, dtype=float) - zero) * scale
@@ -267,7 +257,7 @@ class _Guessing:
         if not len(values) or not self._can_be(column, values, bool(unit)):
             return 0.0
         varies = len(np.unique(values[:2000])) > 3
-        return (1.0 + (factor is not None) + varies + 0.5 * len(nouns & said) + (words[-1] in nouns | names.kinds)
+        return (1.0 + (factor is not None) + varies + 0.5 * len(nouns & said) + (words[-1] in nouns | kinds)
                 + 0.5 * bool({"hub", "goal", "speaker", "target"} & said))
 
     def _can_be(self, column: str, values: Floats, has_unit: bool) -> bool:
@@ -281,14 +271,16 @@ class _Guessing:
         return low <= top <= high and inside and not impossible.get(column, False)
 
     def _take_texts(self) -> None:
-        """Names of the ball and of the day, unless each shot has its own; the shots' numbers, as names and order."""
+        """Names of the ball, session, day and person, unless each shot has its own; the shots' numbers, as names and
+        order."""
         for key, series in list(self.free.items()):
             said, cells = set(words_of(key)), self.tables[0].columns[key]
-            for column in ("ball_id", "session"):
+            for column in cols.TEXTS:
                 nouns = GROUPS[column]
                 if column not in self.columns and nouns & said and not said - nouns - GROUPS["numbered"] and (
                         None not in cells and 2 * len(set(cells)) <= len(cells)):
                     self._take(column, key)
+                    break
             if said - GROUPS["numbered"] or not (said or key == "#"):
                 continue
             if "t_s" not in self.columns and series.numeric and _rises(series):

@@ -359,7 +359,7 @@ TODO = {"hit": "; if it says that it went in, write hit", "miss": "; if it says 
         "miss-high": "; write miss, and high in the column side", "rejected": "; leave the cell empty"}
 CORRECTIONS = {**{text: TODO[word] for text, word in SAID_OF_SHOTS.items()},
                **dict.fromkeys(("rim", "bounced", "bounce"), "; write hit if it went in, else miss")}
-TEXTS = ("session", "ball_id")
+TEXTS = ("session", "ball_id", "day", "fired_by")
 
 # An undeclared column is one of numbers when its cells are, or when some are and its name ends in a unit (then
 # text in it is an error).

@@ -1,57 +1,60 @@
 """The decision: which effects are reported, how they are reported, and which of them are adopted.
 
-**Effects.** L is the likeliest term, rest: what calibrated tests still find once L is put in. The first row that holds:
+**Effects.** L is the likeliest term; the rest is what calibrated tests still find once L has been added to the model.
+The first row whose condition holds applies:
 
 | | posterior and tests | reported |
 |---|---|---|
-| 1 | nats for L <= 0 and P(L) < 0.5, or one thing is missing | *one effect* |
-| 2 | more is missing, no rest; P(L beside an unexplained effect) >= 0.5 | L's names |
-| 3 | more is missing, no rest | *one effect* |
-| 4 | the rest is unexplained and in L's own direction | unknown |
-| 5 | the rest is unexplained, or two terms put a known number out of nature | L's names; besides, unknown |
-| 6 | no two terms fly | *one effect* |
-| 7 | two terms | both terms' names; besides, the rest beside both if any, as *one effect* |
+| 1 | nats for L <= 0 and P(L) < 0.5, or only one effect is missing | *one effect* |
+| 2 | more is missing, there is no rest, and P(L beside an unexplained effect) >= 0.5 | L's names |
+| 3 | more is missing, and there is no rest | *one effect* |
+| 4 | the rest is unexplained and acts in L's own direction | unknown |
+| 5 | the rest is unexplained, or two terms would put a known number out of nature | L's names; another, unknown |
+| 6 | no pair of terms can be simulated | *one effect* |
+| 7 | two terms | the names of both terms; what is left beside both, if anything, as *one effect* |
 
-*One effect* is unknown if nats for L <= 0 and P(L) < 0.5, or P(an unexplained effect) >= 0.5; else it has L's names.
-More is missing if P(L's size differs from ball to ball) >= 0.5, or P(two things) >= 0.5 and its odds against one thing
-are STRONG times those of the prior. The rest is unexplained if L's size differs from ball to ball, or a term beside
-an unexplained effect is likelier than two terms.
+*One effect* is unknown if nats for L <= 0 and P(L) < 0.5, or if P(an unexplained effect) >= 0.5; otherwise it has L's
+names. More is missing if P(L's size differs from ball to ball) >= 0.5, or if P(two effects) >= 0.5 and the odds of two
+effects against one are at least STRONG times the prior odds. The rest is unexplained if L's size differs from ball to
+ball, or if a term together with an unexplained effect is likelier than two terms.
 
-**Guards.** An effect keeps its names, and what was found beside it, only if no row holds of the fit with the likeliest
-name. Else it is unknown, its sentence says why, and nothing of it is adopted.
+**Guards.** An effect keeps its names, and any effect that was found after it, only if no row below applies to the fit
+of its likeliest name. Otherwise it is reported as unknown, its sentence gives the reason, and no part of it is adopted.
 
-| guard | withheld if |
+| guard | a name is withheld if |
 |---|---|
-| `at_limit` | a number, or a scatter, stopped at the end of its range |
-| `out_of_nature` | a number of a term is where 999 of 1000 rigs do not have it |
-| `too_large` | the named size is more than MOST_USUAL times what is usual in this place |
-| `no_better` | unseen shots are forecast no better than by what is believed, refitted, or that with drag |
+| `at_limit` | a number or a scatter of the fit stopped at the end of its range |
+| `out_of_nature` | a number of a believed term lies CREDIBLE_SD standard deviations of the fit's prior off its centre |
+| `too_large` | the effect would be more than MOST_USUAL times as large as is usual in such a place |
 
-**Names.** The smallest set that holds SURE of what is explained, a single name only if it alone is that probable; with
-its aliases, whatever their probability, names that one step cannot tell from a member and that are TWIN times as
-probable, and numbers of the tracker that explain as well what has changed since an earlier session.
-One name: verdict *named*. Several: *set*; its sentence is `form_of`.
+**Names.** The names are the smallest set that holds at least SURE of the explained probability; it is a single name
+only if that name alone is so probable. Three kinds of names are added: aliases of members, whatever their probability;
+names that one linear step cannot tell from a member and that are at least TWIN times as probable; and numbers of the
+tracker that explain equally well what has changed since an earlier session. If one name remains, the verdict is
+*named*; if several remain, it is *set*, and `form_of` chooses the sentence.
 
-**No effect.** Verdict *none* and no set. The sentence begins with the first row that holds (`opening_of`):
+**No effect.** The verdict is *none*, and there is no set. The first row that applies decides how the sentence begins
+(`opening_of`):
 
 | these shots | sentence |
 |---|---|
-| show an error of the tracker, of one number or of one of several; `tracker` of the finding has that set | *tracker* |
-| could not have shown most of the terms that anything in them depends on, at their usual size | *blind* |
+| show an error of the tracker, in one number or in one of several, which the finding's `tracker` lists | *tracker* |
+| could not have shown, at their usual size, most of the terms that affect anything recorded | *blind* |
 | otherwise | *none* |
 
-**Adoption.** Everything found, else the effects with a name: the first that no row refuses.
+**Adoption.** The candidates are everything that was found and then the effects with a name alone; the first candidate
+that no row refuses is adopted.
 
 | measure on hold-out shots | refused if |
 |---|---|
 | a fitted number | it stopped at the end of its range |
-| tracks' ends by the settings, without the tracker's errors | no nearer than by what is believed |
-| outcomes of tracked shots | forecast worse than by their plain shares, by CLEARLY standard errors |
-| log score with other balls than this session's, or else of the shots as they are | 90 % interval below 0 |
+| ends of tracks, forecast from the settings without the tracker's errors | no closer than the present belief's |
+| outcomes of tracked shots | forecast worse, by CLEARLY standard errors, than by their overall frequencies |
+| log score with balls other than this session's or, failing that, of the shots as they are | 90 % interval below 0 |
 | points of aim and gate | mean gain below 0 |
 
-Where nothing has a name: the average of the names that come nearest, if the 90 % interval of its points is above 0.
-Otherwise the present belief stays.
+If no effect has a name, the average of the names that come closest is adopted, provided that the 90 % interval of its
+gain in points lies above 0. Otherwise the present belief stays.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -72,7 +75,7 @@ from truearc.sim.discover.select.terms import MOST_USUAL, NEVER, SURE, Naming, n
 from truearc.sim.infer.intervals import NumberChange
 from truearc.sim.infer.launcher import STRONG, LauncherFit, stopped
 from truearc.sim.infer.likelihood.data import Each
-from truearc.sim.infer.likelihood.layout import column_of
+from truearc.sim.infer.likelihood.layout import is_tracker
 from truearc.sim.infer.likelihood.score_table import Column, clustered_error, folds_of
 from truearc.sim.printed import Progress, part_of
 from truearc.sim.statistics import Z90
@@ -87,9 +90,8 @@ LIKELY = 0.5                          # probability from which a thing is likeli
 CLEARLY = 2.0                         # standard errors by which plain shares beat a forecast, or a free curve is better
 # Derived: 5 % then falls on a draw, known to 0.7 %
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
-# Derived: normal quantile 0.9995
-CREDIBLE_SD = 3.29                    # standard deviations of a prior, in which a term's number is believable
-PLAIN = "drag"                        # the term of a plainer model: every ball has it
+# Derived: normal quantile 0.9995; the fit's prior is WEAKER times as wide as the catalogue's
+CREDIBLE_SD = 3.29                    # standard deviations of it, in which a term's number is believable
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,7 @@ class Search:
         naming = name_terms(fitted, lambda done, note: progress(0.5 * done, note))
         posterior = weigh(fitted, naming, self.covariates, self.factors, self.home)
         progress(1.0, "weighed")
-        naming = replace(naming, inclusion=posterior.inclusion())
+        naming = replace(naming, inclusion=posterior.inclusion(), sizes=posterior.sizes())
         step = replace(make_step(naming, place, base, fitted), unexplained=posterior.unexplained(),
                        change=posterior.likeliest_change())
         return Weighed(step, posterior)
@@ -210,25 +212,11 @@ def too_large(step: Step) -> str:
             if size > MOST_USUAL * usual else "")
 
 
-def no_better(step: Step) -> str:
-    """Compared shot by shot: by less than the standard error of the mean."""
-    fitted, plain = step.fitted, [("what is believed", step.before)]
-    name = column_of(PLAIN, fitted.model.catalogue) if fitted.model.catalogue.get(PLAIN) is not None else ""
-    if name in step.naming.nats and name not in (step.naming.leader, *step.base):
-        refit = step.naming.refits.get(name) or fitted.with_terms((name,), np.zeros(1))
-        plain.append((f"{PLAIN} alone", refit.scores.held_out()))
-    for what, score in plain:
-        gain = step.after - score
-        if gain.mean() <= clustered_error(gain, fitted.scores.together):
-            return f"{what} forecasts unseen shots as well"
-    return ""
-
-
-# in the order in which they are asked: what is quick comes first
-GUARDS: tuple[Callable[[Step], str], ...] = (at_limit, out_of_nature, too_large, no_better)
+GUARDS: tuple[Callable[[Step], str], ...] = (at_limit, out_of_nature, too_large)
 
 
 def found_effects(fitted: LauncherFit, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
+    """The effects by posterior and tests, before any guard."""
     found = search.weigh(fitted, place, (), part_of(progress, 0.0, 0.5))
     posterior, whole = found.posterior, one_effect(found)
     varies = posterior.share("varies") >= LIKELY
@@ -249,7 +237,7 @@ def found_effects(fitted: LauncherFit, place: Place | None, search: Search, prog
         pair, change = posterior.likeliest_pair(), None
         if pair is None:                                                                        # row 6
             return (whole,)
-        if not strange(pair).keys() - strange(first.refit).keys():                              # row 7
+        if not strange(pair, True).keys() - strange(first.refit, True).keys():                  # row 7
             two = take_apart(fitted, first, pair, part_of(progress, 0.5, 0.3))
             return (*map(as_named, two.steps), *_beside_both(two.both, two.names, search, part_of(progress, 0.8, 0.2)))
     # row 5
@@ -355,22 +343,24 @@ def take_apart(fitted: LauncherFit, first: Step, pair: LauncherFit, progress: Pr
     other = second.refits[second.leader]
     base = fitted.beside(fitted.with_terms((second.leader,), other.amplitude))
     naming = name_terms(base, part_of(progress, 0.5, 0.5), {pair.names[lead]: float(pair.amplitude[lead])})
-    names = (naming.leader, second.leader)
+    names, sizes = (naming.leader, second.leader), first.naming.sizes
     start = np.array([naming.refits[names[0]].amplitude[0], other.amplitude[0]])
-    return Pair((make_step(naming, first.place, (), base), make_step(second, None, (pair.names[lead],), beside)),
+    return Pair((make_step(replace(naming, sizes=sizes), first.place, (), base),
+                 make_step(replace(second, sizes=sizes), None, (pair.names[lead],), beside)),
                 fitted.beside(fitted.with_terms(names, start)))
 
 
-def strange(fit: LauncherFit) -> dict[str, float]:
-    """Return the numbers of believed terms and of the tracker that lie CREDIBLE_SD standard deviations of the fit's
-    prior or more from its centre: a term that was added may stand for something else. Numbers of an earlier session may
-    change."""
+def strange(fit: LauncherFit, trackers: bool = False) -> dict[str, float]:
+    """Return the numbers of believed terms that lie CREDIBLE_SD standard deviations of the fit's prior or more from its
+    centre: a term that was added may stand for something else. Numbers of an earlier session may change; a tracker's
+    are remarked on by themselves, and count only if `trackers`."""
     layout, first = fit.model.layout, fit.model.layout.first_shared
     sd = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
     far = layout.in_slot[first:] & (np.abs(fit.scores.point[first:] - layout.centre) > CREDIBLE_SD * sd)
     return {column.name: float(value) for column, value, out in zip(layout.columns[first:], fit.scores.point[first:],
                                                                     far, strict=True)
-            if out and not column.told and column.name not in fit.names}
+            if out and not column.told and column.name not in fit.names
+            and (trackers or not is_tracker(column, fit.model.catalogue))}
 
 
 def unseen_scores(naming: Naming, fitted: LauncherFit) -> tuple[Each, Each, Each]:

@@ -110,10 +110,16 @@ class Interval(Struct, frozen=True):
 class Named(Struct, frozen=True):
     term: str                         # name in docs/reference/terms.md
     probability: float                # that it is among what is missing, with nothing unexplained beside it
-    parameters: dict[str, Interval]   # by name
+    parameters: dict[str, Interval]   # by name; of a believed one its new value
     sentence: str                     # for people
     stage: str                        # sensing | launch | flight | arrival
     believed: float | None = None     # the one parameter's value in the belief, where a change of it is tested
+    change: Interval | UnsetType = UNSET           # of that parameter since the belief; absent where none is tested
+
+    @property
+    def size(self) -> Interval:
+        """The change of a believed number, else the amplitude."""
+        return next(iter(self.parameters.values())) if isinstance(self.change, UnsetType) else self.change
 
 
 class Unknown(Struct, frozen=True, omit_defaults=True):
@@ -228,6 +234,7 @@ class ProposedEffect(Struct, frozen=True):
     high90: float                     # upper end
     unit: str                         # as in docs/reference/terms.md; 1: a share
     sentence: str                     # for people
+    change: Interval | UnsetType = UNSET           # of a believed number, whose new value `value` is
 
 
 class SetPointChange(Struct, frozen=True):

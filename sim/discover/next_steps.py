@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import softmax
 
-from truearc.sim.check.causes import RPM
+from truearc.robot.config.shot_map import CONVERTED
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.discover.decide import Step
@@ -357,8 +357,9 @@ def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[st
     if not np.isfinite(list(numbers.values())).all():
         return None
     free_rad_s = dataset.rig.launcher.free_speed_rad_s
-    rpm = {"motor_rpm": round(float(numbers["motor_ratio"]) * free_rad_s / RPM)} if free_rad_s else {}
-    return {"do": "shoot", **{name: round(float(value), 3) for name, value in numbers.items()}, **rpm, "shots": SHOTS,
+    rpm = CONVERTED["rad_s"]["rpm"]
+    motor = {"motor_rpm": round(float(numbers["motor_ratio"]) * free_rad_s / rpm)} if free_rad_s else {}
+    return {"do": "shoot", **{name: round(float(value), 3) for name, value in numbers.items()}, **motor, "shots": SHOTS,
             "separates": [name.partition(".")[0] for name in pair]}
 
 

@@ -4,7 +4,7 @@ A fit owns its model (the simulation and the data to compare it with), its linea
 is independent of launchers: truearc.sim.infer.model declares everything that it needs.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Generic
@@ -39,16 +39,16 @@ PLAIN = 2.0                           # standard errors of an amplitude, from wh
 class Fit(Generic[AnyModel]):
     """A model at its best: `scores` there, of the columns that are fitted and those that are only asked.
 
-    names: columns of terms that `with_terms` has added, the first of the shared ones; before [k]: what was believed of
-    them, 0 or the number that a change starts from; sd [k]; log_evidence: nats by which the data favour it over the fit
-    that it was made from, size of the amplitude integrated out (Laplace).
+    names: columns of terms that `with_terms` has added, the first of the shared ones; amplitude, sd [k]: theirs, of a
+    number that was believed its change; log_evidence: nats by which the data favour it over the fit that it was made
+    from, size of the amplitude integrated out (Laplace).
     """
 
     model: AnyModel
     point: Any
     scores: ScoreTable
     names: tuple[str, ...] = ()
-    before: Float[Array, " k"] = field(default_factory=lambda: np.zeros(0))
+    amplitude: Float[Array, " k"] = field(default_factory=lambda: np.zeros(0))
     sd: Float[Array, " k"] = field(default_factory=lambda: np.zeros(0))
     log_evidence: float = 0.0
 
@@ -56,11 +56,6 @@ class Fit(Generic[AnyModel]):
     def value(self) -> Float[Array, " k"]:
         """The added numbers [k]."""
         return self.scores.point[:len(self.names)]
-
-    @property
-    def amplitude(self) -> Float[Array, " k"]:
-        """Their difference [k] from what was believed."""
-        return np.asarray(self.value - self.before)
 
     @property
     def wanted(self) -> Float[Array, " k"]:
@@ -123,8 +118,8 @@ class Fit(Generic[AnyModel]):
 
     def with_columns(self, names: tuple[str, ...], start: Float[Array, " k"], near: Any) -> "Fit[AnyModel]":
         """Fit as `with_terms` does, with shapes kept at their values."""
-        model, layout = self.model.shared_only(names), self.model.layout
-        k, columns = len(names), model.layout.columns
+        model, k = self.model.shared_only(names), len(names)
+        columns = model.layout.columns
         order = tuple(column.name for column in columns[:k])
         change = np.zeros(len(columns))
         change[:k] = [start[names.index(name)] for name in order]
@@ -136,11 +131,10 @@ class Fit(Generic[AnyModel]):
         covariance, score = best.scores.covariance, best.scores.score
         # what the shots themselves scatter by, where the model is too sure of itself
         scattered = covariance @ (score.T @ score) @ covariance
-        sd = np.sqrt(np.maximum(np.diag(covariance), np.diag(scattered)))
-        known = {column.name for column in layout.columns[layout.first_shared:]}
-        before = np.array([centre if name in known else 0.0
-                           for name, centre in zip(order, model.layout.centre, strict=False)])
-        return replace(best, names=order, before=before, sd=sd[:k], log_evidence=self.nats_for(best))
+        (amplitude, sd), (_, by_shots) = (amplitudes(model.layout, order, best.scores.point, one)
+                                          for one in (covariance, scattered))
+        return replace(best, names=order, amplitude=amplitude, sd=np.maximum(sd, by_shots),
+                       log_evidence=self.nats_for(best))
 
     def _shaped(self, shape: Shape, found: "Fit[AnyModel]") -> "Fit[AnyModel]":
         """The same with one shape where it is likeliest.
@@ -306,6 +300,26 @@ def _step_within(model: Model, point: Any, scores: ScoreTable,
         if not out.any():
             return step, worth
         free &= ~out
+
+
+def amplitudes(layout: Columns, names: Sequence[str], point: Float[Array, " p"],
+               covariance: Float[Array, "p p"]) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+    """Return (amplitudes [k] of shared columns, their standard deviations [k]), given all shared numbers.
+
+    A column of a term is its amplitude. A number that was believed to be N(c, C) and may have changed by d ~ N(0, u^2)
+    has a new value v, and, with P the precision of all new values, given v
+
+        d ~ N(u^2 e'P (v - c), u^2 - u^4 e'Pe)
+    """
+    columns = [column.name for column in layout.columns[layout.first_shared:]]
+    places = [columns.index(name) for name in names]
+    variance = np.array([layout.changes.get(name, 0.0) for name in names])**2
+    changed = variance > 0.0
+    slope = np.where(changed[:, None], variance[:, None] * layout.precision[places], np.eye(len(columns))[places])
+    left = variance * (1.0 - variance * np.diag(layout.precision)[places])
+    amplitude = (slope * (point - np.where(changed[:, None], layout.centre, 0.0))).sum(1)
+    spread = np.einsum("kp,pq,kq->k", slope, covariance, slope)
+    return amplitude, np.sqrt(np.maximum(left + spread, 0.0))
 
 
 def objective(scores: ScoreTable, layout: Columns) -> float:

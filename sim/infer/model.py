@@ -4,7 +4,7 @@ A column is a number that is either fitted ("shared") or only tested, such as a 
 shared. A point is the linearization point of a simulation; it belongs to the model and is opaque to other code.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol, Self, TypeVar, runtime_checkable
 
 from truearc.sim.infer.likelihood.score_table import Centre, Change, Column, Precision, ScoreTable, Which
@@ -12,7 +12,11 @@ from truearc.sim.infer.likelihood.score_table import Centre, Change, Column, Pre
 
 @runtime_checkable
 class Columns(Protocol):
-    """Columns of a model, the shared ones last, and the normal prior of these: centre [p], precision [p, p]."""
+    """Columns of a model, the shared ones last, and the normal prior of these: centre [p], precision [p, p].
+
+    changes: shared numbers, by name, that were believed and may have changed since, with the standard deviation of the
+    change, which the precision includes.
+    """
 
     @property
     def columns(self) -> tuple[Column, ...]: ...
@@ -22,6 +26,8 @@ class Columns(Protocol):
     def centre(self) -> Centre: ...
     @property
     def precision(self) -> Precision: ...
+    @property
+    def changes(self) -> Mapping[str, float]: ...
 
 
 @runtime_checkable

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,13 @@ from scipy.stats import chi2_contingency
 import truearc as ta
 from benchmarks.demo_seeds import holm, two_proportions
 from tests.portability.elsewhere import run_elsewhere
+from tests.sim.discover.made import stand_in
+from truearc.api.results import Effect
 from truearc.cli import demo_acts
 from truearc.cli.common import SHIPPED
 from truearc.cli.demo_acts import EFFECTS, HOOD_DEG, RATIO, Sizes, draw_effect, fire, marked_settings
 from truearc.robot.config.schema import load_config
+from truearc.sim.discover.finding import Interval
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.world.options import Options
 from truearc_proof.world.season import HOODS_DEG, RATIOS, reach_table
@@ -43,6 +47,20 @@ def test_a_seed_repeats_the_draw_and_the_seal_is_of_the_text() -> None:
     sealed = draw_effect(4)
     assert sealed.text.startswith(sealed.effect.name) and sealed.text != draw_effect(3).text
     assert sealed.sha256 == hashlib.sha256(sealed.text.encode()).hexdigest()
+
+
+@pytest.mark.parametrize("effect", [one for one in EFFECTS if one.terms], ids=lambda effect: effect.name)
+def test_truth_and_finding_are_told_in_the_same_words_with_the_same_sign(effect: demo_acts.WorldChange) -> None:
+    """A change of a believed number by its change, whatever its new value is."""
+    (term, size), *_ = effect.terms.items()
+    found, now = Interval(size, 0.01, 0.98 * size, 1.02 * size, ""), Interval(9.0, 0.1, 8.8, 9.2, "")
+    alone = Effect(term, 0.9, size, 0.1, (0.0, 0.0), "", "", "", {"x": found})
+    for best in (alone, replace(alone, value=9.0, parameters={"x": now}, believed=9.0 - size, change=found)):
+        act = stand_in(demo_acts.Act, finding=stand_in(ta.Finding, best=best, alternatives=()))
+        truth = re.fullmatch(r"(.*) (-?[\d.]+)(.*)", effect.truth)
+        assert truth is not None
+        said = re.fullmatch(rf"{truth[1]} (-?[\d.]+){truth[3]} \(90 %: .* to .*{truth[3]}\)", demo_acts._found(act))
+        assert said is not None and float(said[1]) == pytest.approx(float(truth[2]), rel=0.03)
 
 
 def test_practice_knows_where_balls_of_the_world_fall() -> None:
@@ -78,7 +96,7 @@ def test_the_demo_says_what_was_wrong_how_large_and_what_it_was_worth(tmp_path: 
     assert all(re.search(rf"^{act} .*\d+ to \d+ of {QUICK.balls}", last, re.MULTILINE)
                for act in ("practice", "event", "control"))
     flat = " ".join(said.split())
-    assert sealed.effect.name in last
+    assert sealed.effect.truth in last
     assert re.search(r"The gate, trained in practice, only advised: it would have held \d+% of them", flat)
     assert re.search(r"[12] of them by the robot's own runtime on emulated devices, with images and CAN frames", flat)
     page = (folder / "index.html").read_text(encoding="utf-8")

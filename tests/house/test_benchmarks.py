@@ -31,11 +31,11 @@ QUICK = {
     "gate": "--calls 20 --rounds 1 --shots 40",
     "grid_fit": "--quick --runs 1 --launches 12",
     "kill": "--kills 2",
-    "launcher_world": "--worlds 1 --level L1 --shots 24 --unseen 12 --seed 11 --processes 1 --out worlds.jsonl",
     "loop": "--trials 3",
     "plausibility": "--rigs 2",
     "power": "--level L0 --worlds 1 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
     "real_sets": "DATA/real --only speeds",
+    "seasons": "--seasons 1 --changes nothing --practice 40 --event 16 --seed 20060 --processes 1 --out seasons.jsonl",
     "vision": "--frames 1 --clutter 5 --files 5",
     "vision_tag": "--frames 4 --distractors 4",
 }

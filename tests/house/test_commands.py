@@ -42,7 +42,7 @@ SHORTER = (
     (r"^make (?!-)", "make -n "),
     (r"^(pytest .*)", r"\1 -n 0 -q --collect-only"),
     (r"^(truearc emulate) --trials \d+ (.* --page)$", r"\1 --trials 1 \2 127.0.0.1:0"),
-    (r"^(truearc emulate) --trials \d\d+(.*first-hour)$", r"\1 --trials 18\2"),
+    (r"^(truearc emulate) --trials \d\d+(.*first-hour)$", r"\1 --trials 22\2"),
     (r"^(truearc emulate) --trials \d\d+(.*windy-hour)$", r"\1 --trials 12\2"),
     (r"wind_x_m_s = -3.0", "wind_x_m_s = -0.3"),     # too little to be found: tests/cli/test_demo.py has a find `since`
     (r"^(truearc emulate) --trials \d\d+(?! --bus)(?!.*-hour)", r"\1 --trials 2"),

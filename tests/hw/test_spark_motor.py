@@ -136,6 +136,18 @@ def test_what_a_duty_cannot_give_is_not_said_to_be_sent(make, plant) -> None:
     assert bench.orders[0].torque_nm == pytest.approx(0.02 * (bus_v - 0.02 * speed) / 0.1) and speed < 200.0
 
 
+def test_a_bus_voltage_that_cannot_be_drives_nothing(make, plant) -> None:
+    """By a voltage that is read six times too low, a duty would give six times the torque."""
+    bench = make()
+    armed(bench)
+    bench.run(10, 0.1)
+    assert bench.orders[0].torque_nm == pytest.approx(0.1)
+    plant.volts = 2.0
+    bench.run(20, 0.1)
+    assert bench.orders[0].duty is None and bench.node.output == 0.0
+    assert bench.motor.reading.axis_state != spark.DRIVEN
+
+
 def test_the_heartbeat_is_the_ticks_own(make) -> None:
     bench = make()
     armed(bench)

@@ -17,7 +17,8 @@ def acceleration(t, velocity, spin, world, density=RHO, used=0.0):
     speed = np.linalg.norm(w)
     omega = np.asarray(spin) * math.exp(-e("spin_decay") * t)
     s = RADIUS * np.linalg.norm(omega) / speed
-    cd = (world.cd * (1.0 + e("drag_wear") * used) * (1.0 + e("drag_reynolds") * (speed / 10.0 - 1.0))
+    cd = (world.cd * (speed / 10.0)**e("drag_power") * (1.0 + e("drag_wear") * used)
+          * (1.0 + e("drag_reynolds") * (speed / 10.0 - 1.0))
           * (1.0 + e("drag_crisis") / (1.0 + math.exp(9.0 - speed))) + e("spin_drag") * s**2)
     cl = world.lift_slope * s / (1.0 + e("lift_saturation") * s)
     pressure = 0.5 * density * math.pi * RADIUS**2 * speed**2

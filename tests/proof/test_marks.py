@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from benchmarks import seasons
 from benchmarks.worlds import KINDS, Job, amount_of, mark_job, plan_jobs
 from truearc.errors import InputError
 from truearc.sim.physics.catalogue import TERMS
 from truearc_proof.rounds import TOOLS, Entry
-from truearc_proof.rounds.marks import Mark, Measured, is_alias, mark, named_decoy, said_set, up_to_alias
+from truearc_proof.rounds.marks import Mark, Measured, change_of, is_alias, mark, named_decoy, said_set, up_to_alias
 from truearc_proof.rounds.page import claimed_bins, make_proof_page, verdict
 from truearc_proof.rounds.tables import kept_in_test, make_tables, posterior_rows
 from truearc_proof.rounds.worlds import ALIKE, DECOY, DIRTS, PARAMETER, Drawn, names_at, read_off
@@ -52,6 +53,17 @@ def test_nothing_found_is_asked_nothing() -> None:
     told = mark(ONE, finding(found=False, verdict="none"), Measured((0.5, 0.4, 0.4, 0.4)))
     assert (told.found, told.first, told.stage, told.names) == (False, None, None, ())
     assert told.allowed == (0.5, 0.4, 0.4, 0.4)
+
+
+def test_of_a_believed_number_the_change_counts() -> None:
+    moved = finding(("wind_x", 0.95))
+    moved["what"][0]["believed"] = 0.4               # 1.7 to 2.7 now
+    assert change_of(moved["what"][0], "speed_m_s") == pytest.approx((1.8, 1.3, 2.3))
+    foreign = Drawn("w1", "foreign", "one", "L1", 300, 1, {"wind_x": 1.5})
+    assert mark(foreign, moved, Measured()).holds
+    assert mark(replace(foreign, effects={"wind_x": 2.5}), moved, Measured()).holds is False
+    moved["what"][0]["change"] = {"value": 2.4, "low90": 2.2, "high90": 2.6}
+    assert change_of(moved["what"][0], "speed_m_s") == (2.4, 2.2, 2.6) and change_of({"term": "drag"}, "cd") is None
 
 
 def test_two_effects_are_both_right_only_together() -> None:
@@ -329,6 +341,44 @@ def test_each_row_counts_its_own_worlds() -> None:
     assert rows["in no catalogue: unknown or a set"][0].startswith("1/2")
     assert rows["mean size of a set"][0] == "1.50 of 4"
     assert rows["power, share of what the data allow"][0].endswith("4/5 of 0.28")
+
+
+def test_foreign_worlds_lead_and_a_round_without_them_has_no_row_of_them() -> None:
+    near = [world("clean", [], [], engine="foreign"), world("clean", [], SLIP, engine="foreign"),
+            world("one", WIND, WIND, engine="foreign"), world("one", WIND, SLIP, engine="foreign"),
+            world("one", WIND, [], engine="foreign")]
+    far = [world("clean", [], []), world("one", WIND, WIND)]
+    rows = by_name([*far, *near])
+    assert list(rows)[:3] == ["false alarms, foreign", "foreign: a change is found", "foreign: set holds the truth"]
+    assert [row[0].partition(" ")[0] for row in list(rows.values())[:3]] == ["1/2", "2/3", "1/2"]
+    assert rows["false alarms, clean"][0].startswith("0/1")
+    assert not [name for name in by_name(far) if "foreign" in name]
+    alarms, hidden = (next(one for one in make_tables([*far, *near]) if one.title.startswith(f"Worlds in which {what}"))
+                      for what in ("nothing", "something"))
+    assert alarms.rows[0][:2] == ["foreign, unchanged", "1/2 = 0.50 (0.09-0.91)"]
+    assert hidden.rows[0][0] == "foreign, one thing changed" and hidden.rows[0][1].startswith("2/3")
+
+
+def test_seasons_are_counted_by_change_with_exact_intervals() -> None:
+    def season(seed: int, *names: str, off: float = 0.0) -> dict[str, Any]:
+        (truth,) = seasons.size_of(seed, "wind_x").values()
+        told = finding(*((name, 0.9 / (2 + k)) for k, name in enumerate(names)), found=bool(names), value=truth + off,
+                       verdict=("none", "named", "set")[min(len(names), 2)])
+        events = {"nothing": finding(found=False, verdict="none"), "wind_x": told}
+        return {"level": "L1", "seed": seed, "shots": [300, 80], "adopted": ["wheel_slip"], "off_m": [0.2, 0.1],
+                "events": {name: {**one, "seconds": 2.0} for name, one in events.items()}}
+
+    table = seasons.make_table([season(20090, "wind_x"), season(20091, "wind_z", "wind_x", off=0.8),
+                                season(20092, "wheel_slip"), season(20093)])
+    header, _, same, wind = (dict(enumerate(row.split(" | "))) for row in table.split("\n")[:4])
+    column = {name.strip("| "): place for place, name in header.items()}
+    assert same[column["found"]] == "0 of 4 (0.00 to 0.60)"            # 1 - 0.025^(1 / 4)
+    assert wind[column["found"]] == "3 of 4 (0.19 to 0.99)"
+    assert wind[column["one name, wrong"]].startswith("1 of 2")
+    assert wind[column["set holds the truth, of those found"]].startswith("2 of 3")
+    assert wind[column["90 % interval holds the change"]].startswith("1 of 2")
+    assert wind[column["RMS error"]] == f"{0.8 / math.sqrt(2.0):.2g}"
+    assert wind[column["stated deviation"]] == f"{0.5 / 1.645:.2g}" and "wheel_slip (4)." in table
 
 
 def test_a_target_that_chance_may_have_missed_is_told_from_one_that_it_has_not() -> None:

@@ -17,7 +17,7 @@ from truearc_proof.parallel import append_line
 from truearc_proof.rounds import Room, load_seal, read_ledger
 from truearc_proof.rounds.committer import RoundPlan, answer_round, load_plan, seal_round
 from truearc_proof.rounds.grader import grade_round, graded_of
-from truearc_proof.rounds.worlds import MUJOCO, NUMPY
+from truearc_proof.rounds.worlds import FOREIGN, MUJOCO, NUMPY
 
 pytestmark = pytest.mark.slow
 SHOTS = [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.55, "shots": 12}]
@@ -273,7 +273,8 @@ def test_where_second_claims_are_withheld_the_first_are_marked(room: Room) -> No
 
 # --- both engines, checked by a stranger
 
-ARGUMENTS = ["--worlds", "4", "--level", "L1", "--shots", "24", "--seed", "26", "--follow-up", "--processes", "1"]
+ARGUMENTS = ["--worlds", "4", "--level", "L1", "--shots", "24", "--engines", "numpy,mujoco", "--seed", "26",
+             "--follow-up", "--processes", "1"]
 
 
 @pytest.fixture(scope="module")
@@ -323,6 +324,19 @@ def test_a_stranger_makes_data_claims_and_marks_again(both: Room, tmp_path: Path
 # --- one world
 
 ONE_WORLD = ["--worlds", "1", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3"]
+
+
+def test_a_foreign_world_is_solved_from_its_own_practice(tmp_path: Path) -> None:
+    room, packed = Room(tmp_path / "round"), str(tmp_path / "round.tar.xz")
+    for more in (["seal", *ONE_WORLD, "--engines", "foreign"], ["solve"], ["grade"], ["pack", "--packed", packed]):
+        done = prove(room.root, *more)
+        assert done.returncode == 0, done.stderr
+    (one,) = graded_of(room)
+    assert one.first.engine == FOREIGN and one.first.kind in ("clean", "one")
+    told = msgspec.json.decode(room.claims("w0001").read_bytes())
+    assert told["finding"]["data"]["shots"] == 11 and {"shots.csv", "home/shots.csv"} <= set(told["data"])
+    done = prove(tmp_path / "again", "check", "--packed", packed, "--worlds", "1", "--processes", "1")
+    assert done.returncode == 0 and "1 worlds made again" in done.stdout, done.stderr
 
 
 def test_a_round_that_was_begun_is_played_to_its_end(tmp_path: Path) -> None:

@@ -15,12 +15,12 @@ from truearc.sim.physics.term import Vec
 from truearc_proof.rounds.marks import in_catalogue
 from truearc_proof.rounds.worlds import PARAMETER
 from truearc_proof.truth import flight
-from truearc_proof.truth.generate import play
-from truearc_proof.truth.world import CATALOGUED, Scatter, find_effect, make_world, plan_shots
+from truearc_proof.truth.generate import foreign_robot, play
+from truearc_proof.truth.world import CATALOGUED, SMALL_ERRORS, Scatter, find_effect, make_world, plan_shots
 
 IN_THE_AIR = {"wind_x": -0.9, "wind_y": 0.7, "wind_z": 0.4, "spin_decay": 0.8, "spin_drag": 0.2,
               "lift_saturation": 1.1, "drag_reynolds": -0.3, "buoyancy": 1.0, "added_mass": 1.0, "air_density": 1.0,
-              "drag_wear": 0.2, "drag_crisis": -0.2}
+              "drag_wear": 0.2, "drag_crisis": -0.2, "drag_power": -0.15}
 STILL = Scatter(0.0, 0.0, 0.0, 0.0, 0.0)
 EXACT = Noise(0.0, 0.0, 0.0, 0.0)
 N = 40
@@ -137,6 +137,49 @@ def test_a_worn_wheel_and_a_hood_that_bends():
     np.testing.assert_allclose(worn.backspin_rad_s - plain.backspin_rad_s, size * LOW / (2.0 * 0.0889))
     plain, bent, _, size = both("hood_flex")
     np.testing.assert_allclose(bent.elevation_deg - plain.elevation_deg, size * (RATIO * 594.0 - 250.0) / 100.0)
+
+
+def test_small_errors_of_a_foreign_launcher():
+    efficiency = make_world(level="L1", shots=N, seed=21).efficiency
+    plain, soft, _, size = both("soft_ball")
+    np.testing.assert_allclose(soft.speed_m_s / plain.speed_m_s, 1.0 - size * ((UP + LOW) / 20.0)**2, rtol=1e-12)
+    assert np.array_equal(soft.backspin_rad_s, plain.backspin_rad_s)
+    plain, geared, _, size = both("wheel_gear")
+    np.testing.assert_allclose(geared.speed_m_s - plain.speed_m_s, efficiency * size * UP / 2.0)
+    np.testing.assert_allclose(plain.backspin_rad_s - geared.backspin_rad_s, size * UP / (2.0 * 0.0889))
+    plain, geared, plan, size = both("hood_gear")
+    np.testing.assert_allclose(geared.elevation_deg - plain.elevation_deg, size * (plan.hood_deg - 45.0))
+    plain, tilted, _, size = both("slow_tilt")
+    np.testing.assert_allclose(tilted.elevation_deg - plain.elevation_deg,
+                               size * ((250.0 / (RATIO * 594.0))**2 - 1.0))
+    assert np.array_equal(tilted.speed_m_s, plain.speed_m_s)
+
+
+def test_drag_of_a_power_of_zero_goes_with_the_square_of_the_speed():
+    """Without spin and weight a ball loses speed as v' = -k v^(2 + p), which has a closed form."""
+    t_s, v0 = 0.4, 12.0
+    for power in (0.0, 0.1, -0.15):
+        world = replace(make_world({"drag_power": power}, shots=10, seed=3), lift_slope=0.0)
+        plan, still = plan_shots(world), np.zeros((3, 10))
+        law = flight.make_law(world, plan, still, np.full(10, np.inf))
+        path = flight.fly(lambda t, v, law=law: law(t, v) + np.array([[0.0], [0.0], [9.81]]), still,
+                          np.array([[v0], [0.0], [0.0]]) * np.ones(10), np.full(10, 50.0))
+        k = world.cd * 1.2 * 0.5 * np.pi * 0.0889**2 / 0.14
+        expected = v0 / (1.0 + k * v0 * t_s) if not power else (
+            v0**(-1.0 - power) + (1.0 + power) * k * 10.0**-power * t_s)**(-1.0 / (1.0 + power))
+        np.testing.assert_allclose(flight.at(path, np.full(10, t_s))[1][0], expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(20000, 20040))
+def test_errors_of_a_foreign_robot_are_small_and_the_same_before_and_after_the_change(seed):
+    home, event = foreign_robot(seed, "L1", 30, 12, {"wind_x": 1.5})
+    assert dict(event.effects) == {**home.effects, "wind_x": 1.5} and (home.shots, event.shots) == (30, 12)
+    assert (home.cd, home.lift_slope, home.efficiency) == (event.cd, event.lift_slope, event.efficiency)
+    assert home.seed != event.seed and home.facts == event.facts
+    typical = {error.name: abs(error.typical) for error in SMALL_ERRORS}
+    assert 3 <= len(home.effects) <= len(SMALL_ERRORS) and set(home.effects) <= set(typical)
+    assert all(0.5 * typical[name] <= abs(size) <= 1.5 * typical[name] for name, size in home.effects.items())
+    assert all(home.effects.get(error.name, 1.0) > 0.0 for error in SMALL_ERRORS if not error.signed)
 
 
 def test_the_dip_is_the_energy_that_the_ball_takes():

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import truearc as ta
-from benchmarks.launcher_world import heights_m
 from truearc import robot
 from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
@@ -19,11 +18,11 @@ from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import Season, ShotSetting
-from truearc_proof.rounds import Room, solver, worlds
-from truearc_proof.rounds.marks import GOES_WITH
-from truearc_proof.rounds.worlds import MUJOCO, NUMPY, SHARES, Change, Drawn, changes_of, dirty_options
+from truearc_proof.rounds import Room, hash_files, solver, worlds
+from truearc_proof.rounds.marks import GOES_WITH, hidden_of, right_names, shoot_unseen
+from truearc_proof.rounds.worlds import FOREIGN, MUJOCO, NUMPY, SHARES, Change, Drawn, changes_of, dirty_options
 from truearc_proof.truth.generate import Asked, shoot
-from truearc_proof.truth.world import UNCATALOGUED, find_effect, make_world
+from truearc_proof.truth.world import UNCATALOGUED, draw_errors, find_effect, make_world
 from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
 
 LEVELS = ("L0", "L1", "L2")
@@ -81,6 +80,37 @@ def test_engines_can_be_chosen() -> None:
         drawn("L1", 10, ("pybullet",))
     with pytest.raises(InputError, match="level"):
         worlds.draw_round(1, 10, "L3", 300)
+
+
+def test_foreign_worlds_join_the_others_with_one_change_or_none() -> None:
+    every = drawn("L1", 400, worlds.ENGINES)
+    made = [one for one in every if one.engine == FOREIGN]
+    assert 0.24 < len(made) / 400 < 0.36 and {one.engine for one in every} == set(worlds.ENGINES)
+    assert {one.engine for one in drawn("L1", 40, (FOREIGN,))} == {FOREIGN}
+    for one in made:
+        assert (one.kind == "one") == bool(one.effects) == (one.kind != "clean") and one.dirt == ()
+        assert all(abs(size) == dict(worlds.FOREIGN_CHANGES)[name] for name, size in one.effects.items())
+    changes = Counter(name for one in made for name in one.effects)
+    assert set(changes) == set(dict(worlds.FOREIGN_CHANGES)) and min(changes.values()) > 15
+    assert {np.sign(size) for one in made for size in one.effects.values()} == {-1.0, 1.0}
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_foreign_world_is_an_event_with_its_practice_beside(level: str, tmp_path: Path) -> None:
+    one = Drawn("w1", FOREIGN, "one", level, 60, 20041, {"wind_x": 1.5})
+    for name in ("w1", "again"):
+        worlds.make_data(one, tmp_path / name)
+    worlds.make_more(one, [Asked(4.0, 50.0, 0.6, 3)], tmp_path / "more")
+    assert hash_files(tmp_path / "w1") == hash_files(tmp_path / "again")
+    event, practice, more = (load_dataset(tmp_path / name) for name in ("w1", "w1/home", "more"))
+    assert [len(each.shots) for each in (event, practice, more)] == [16, 60, 3]
+    assert event.facts == practice.facts and event.facts.believe.terms
+    assert (event.tracks is None) == (level != "L2") and "side" in event.shots.texts
+    assert right_names(one) == hidden_of(one) == ("wind_x",)
+    assert worlds.world_of(one).effects == {**draw_errors(20041), "wind_x": 1.5}
+    unseen = shoot_unseen(one)
+    assert unseen is not None and len(unseen.above_m) == 16
+    assert unseen.dataset.shots.numbers["distance_m"][0] not in event.shots.number("distance_m")
 
 
 def test_a_decoys_battery_falls_as_its_balls_wear() -> None:
@@ -195,6 +225,11 @@ def test_what_has_a_name_of_the_other_engine_is_of_its_stage() -> None:
     assert all(change.stages == (find_effect(change.name).stage,) for change in known)
 
 
+def heights_m(season: Season) -> np.ndarray:
+    """Where each ball crossed the target's plane [n], in m above the floor; NaN where it fell before it."""
+    return np.array([np.nan if one.z_m is None else one.z_m for one in season.results])
+
+
 def played(options: dict[str, float], settings: list[ShotSetting], sensors: Sensors = ORDINARY,
            level: str = "L0") -> Season:
     return play_season(FACTS, Options(**options), 5, settings, level, sensors)
@@ -248,12 +283,12 @@ BELIEVED = ta.Belief({"drag": {"k_per_m": 0.1 + 0.2}, "gravity": {"g_m_s2": 9.81
 
 
 @pytest.fixture
-def worked_out(monkeypatch: pytest.MonkeyPatch) -> list[Room]:
-    """Rooms whose session was worked out, in a solver that does not take minutes."""
-    rooms: list[Room] = []
-    monkeypatch.setattr(solver, "_believed_at_home", lambda room: (rooms.append(room), BELIEVED)[1])
+def worked_out(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Shots of sessions that were worked out, in a solver that does not take minutes."""
+    homes: list[int] = []
+    monkeypatch.setattr(solver, "_believed_after", lambda home: (homes.append(len(home.shots)), BELIEVED)[1])
     solver.at_home.cache_clear()
-    return rooms
+    return homes
 
 
 @pytest.fixture
@@ -262,20 +297,20 @@ def room(tmp_path: Path) -> Room:
     return Room(tmp_path)
 
 
-def test_what_was_kept_is_what_was_worked_out_to_the_last_bit(room: Room, worked_out: list[Room]) -> None:
+def test_what_was_kept_is_what_was_worked_out_to_the_last_bit(room: Room, worked_out: list[int]) -> None:
     solver._keep_home(room)
     solver._keep_home(room)
     dataset, belief = solver.at_home(room)
-    assert worked_out == [room] and len(dataset.shots.shot_id) == 6
+    assert worked_out == [6] and len(dataset.shots.shot_id) == 6
     assert as_table(belief) == as_table(BELIEVED)
 
 
 @pytest.mark.parametrize("key", ["solver", "data"])
-def test_what_another_solver_kept_or_of_other_data_is_worked_out_again(room: Room, worked_out: list[Room],
+def test_what_another_solver_kept_or_of_other_data_is_worked_out_again(room: Room, worked_out: list[int],
                                                                        key: str) -> None:
     solver._keep_home(room)
     kept = msgspec.json.decode(room.home.read_bytes())
     room.home.write_bytes(msgspec.json.encode({**kept, key: "other"}))
     solver.at_home(room)
     solver._keep_home(room)
-    assert worked_out == [room] * 3 and msgspec.json.decode(room.home.read_bytes()) == kept
+    assert worked_out == [6] * 3 and msgspec.json.decode(room.home.read_bytes()) == kept

@@ -139,7 +139,8 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
      "and points down: write 9.81"),
     ('policy = "collect"', 'policy = "colect"', "gate.policy: 'colect' is not known here; there are collect, model"),
     ("included_deg = 30.0", "included_deg = 130.0", "hood.included_deg: from low_deg to high_deg the angle motor, "
-     "pivot, nut goes from 145 to 205 degrees; it stays between 0 and 180"),
+     "pivot, nut goes from 145 to 205 degrees; it stays between 5 and 175, since a screw in line with the "
+     "pivot has no lever"),
     ("node = 4", "node = 2", "axes.feeder.node: 2 is that of axes.flywheels[1], too; each motor has its own"),
 ])
 def test_a_rig_or_limit_that_cannot_be_is_refused(tmp_path, old, new, said):

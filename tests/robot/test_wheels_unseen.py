@@ -1,10 +1,17 @@
-"""Wheels whose encoders show no motion although they turn, or that do not turn, under loops that are soft or tuned."""
+"""Motion that nothing shows, or that noise hides: wheels whose encoders are dead, under loops that are soft or tuned; a
+hood that is stuck, beside an encoder that is noisy.
+"""
+
+import math
+import random
+from collections.abc import Callable
 
 import pytest
 from msgspec.structs import replace
 
 from tests.robot.alike import codes
-from tests.robot.test_motion import AIMED, SET_RAD_S, Launcher, latched, released_after_s, wheels
+from tests.robot.test_motion import AIMED, HOOD_DEG, SET_RAD_S, TICK_S, Launcher, latched, released_after_s, wheels
+from truearc.hw import fault_codes as hw
 from truearc.hw.devices.odrive.frames import IDLE
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
@@ -15,6 +22,16 @@ ZERO = wheels(velocity_rad_s=0.0, position_rad=0.0)
 
 def as_it_is(inputs: Inputs) -> Inputs:
     return inputs
+
+
+def fastest_rad_s(launcher: Launcher, seconds: float) -> float:
+    """The highest true speed of the wheels, armed after 0.1 s."""
+    launcher.arm(0.1)
+    fastest = 0.0
+    for _ in range(round(seconds / TICK_S)):
+        launcher.run(TICK_S)
+        fastest = max(fastest, launcher.wheel_rad_s)
+    return fastest
 
 
 def armed_again(launcher: Launcher, times: int) -> list[str]:
@@ -78,3 +95,75 @@ def test_the_feeder_stops_where_the_wheels_come_into_doubt() -> None:
     tick = launcher.run(0.02)
     assert because.MOTOR_NOT_DRIVEN.name in codes(tick.verdict.reasons)
     assert tick.command.feeder_torque_nm == 0.0
+
+
+@pytest.mark.parametrize(("ks_nm", "kv_nm_s", "kp", "most_nm"), [
+    (0.0, 2e-4, 4e-4, 1.2), (-0.005, 2.5e-4, 4e-4, 1.2), (0.0, 0.0, 0.002, 4.0)])
+def test_loops_too_soft_for_their_torque_limit_are_released_before_wheels_run_away(
+        ks_nm: float, kv_nm_s: float, kp: float, most_nm: float) -> None:
+    wheel = AIMED.flywheel
+    pid = replace(wheel.pid, kp=kp, ki=0.0, output_high=most_nm)
+    launcher = Launcher(replace(AIMED, flywheel=replace(wheel, ks_nm=ks_nm, kv_nm_s=kv_nm_s, pid=pid)))
+    launcher.spoil = ZERO
+    assert fastest_rad_s(launcher, 10.0) <= 1.15 * SET_RAD_S
+    assert latched(launcher) == [because.JOINT_NOT_TURNING.name]
+
+
+@pytest.mark.parametrize(("share", "within_s"), [(0.6, 0.25), (0.7, 0.35), (0.74, 0.5)])
+def test_speeds_that_are_too_low_release_wheels_before_they_pass_their_set_point(share: float, within_s: float) -> None:
+    """Positions are right. Times are those that docs/explanation/safety.md states, and a reading."""
+    launcher = Launcher()
+    launcher.spoil = lambda inputs: replace(inputs, flywheels=tuple(
+        replace(motor, velocity_rad_s=share * motor.velocity_rad_s) for motor in inputs.flywheels))
+    assert fastest_rad_s(launcher, 3.0) <= 1.15 * SET_RAD_S
+    driven = [tick.command.flywheel_torque_nm > 0.0 for tick in launcher.ticks]
+    assert sum(driven) * TICK_S <= within_s and latched(launcher) == [hw.ENCODER_MISMATCH.name]
+
+
+def noisy(sigma_deg: float, **more: object) -> Callable[[Inputs], Inputs]:
+    """An encoder of the hood with white noise, and other readings of the hood's motor."""
+    chance = random.Random(1)
+
+    def spoil(inputs: Inputs) -> Inputs:
+        assert inputs.hood_angle is not None
+        off_rad = math.radians(chance.gauss(0.0, sigma_deg))
+        angle = replace(inputs.hood_angle, angle_rad=inputs.hood_angle.angle_rad + off_rad)
+        return replace(inputs, hood_angle=angle, hood_motor=replace(inputs.hood_motor, **more))
+    return spoil
+
+
+@pytest.mark.parametrize("sigma_deg", [0.03, 0.05, 0.2])
+def test_noise_of_the_hoods_encoder_hides_no_dead_switch(sigma_deg: float) -> None:
+    """Noise looks like speed, which takes the torque away for single ticks: the push still ends."""
+    launcher = Launcher()
+    launcher.spoil = noisy(sigma_deg, endstop=False)
+    launcher.arm(0.2)
+    launcher.run(10.0)
+    assert latched(launcher) == [because.SWITCH_NOT_REACHED.name]
+    assert launcher.ticks[-1].command.hood_torque_nm == 0.0
+
+
+@pytest.mark.parametrize("sigma_deg", [0.05, 0.1, 0.2])
+def test_noise_of_the_hoods_encoder_hides_no_jam(sigma_deg: float) -> None:
+    launcher = Launcher()
+    launcher.spoil = noisy(sigma_deg)
+    launcher.arm(0.2)
+    while not (launcher.memory.homed and launcher.hood_deg > 25.0):
+        launcher.run(TICK_S)
+    launcher.jammed = True
+    first = len(launcher.ticks)
+    tick = launcher.run(10.0)
+    pushed_s = sum(one.command.hood_torque_nm != 0.0 for one in launcher.ticks[first:]) * TICK_S
+    assert pushed_s <= 1.0            # twice, with the retry
+    assert latched(launcher) or because.HOOD_PUSH_DROPPED.name in codes(tick.verdict.reasons)
+
+
+@pytest.mark.parametrize("sigma_deg", [0.05, 0.2])
+def test_a_noisy_hood_that_moves_is_not_released(sigma_deg: float) -> None:
+    launcher = Launcher()
+    launcher.spoil = noisy(sigma_deg)
+    launcher.arm(0.2)
+    launcher.run(8.0)
+    assert not {because.AXIS_RELEASED.name, because.AXIS_LATCHED.name} & {
+        code for tick in launcher.ticks[200:] for code in codes(tick.verdict.reasons)}
+    assert launcher.hood_deg == pytest.approx(HOOD_DEG, abs=0.5)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from msgspec import UnsetType, structs
+from msgspec import UNSET, UnsetType, structs
 
 from truearc.api.arguments import check_kind
 from truearc.api.discovery import Finding, discover
@@ -21,7 +21,7 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as settings
 from truearc.sim.discover.detect.always_valid import ChangeTest
 from truearc.sim.discover.investigate import follow_shots
-from truearc.sim.discover.report.finding_text import either, plain, say_effect
+from truearc.sim.discover.report.finding_text import either, plain, say_name
 from truearc.sim.infer.belief import Belief
 from truearc.sim.printed import Printed, Progress
 
@@ -166,7 +166,8 @@ def propose(following: Following, finding: Finding, rig: Rig, files: tuple[setti
     rows = tuple(_change(rig, belief, place, before, after) for place in places)
     adopted = _adopted(belief)
     effects = tuple(settings.ProposedEffect(one.term, one.probability, one.value, *one.interval90, one.unit,
-                                            one.sentence) for one in finding.effects if one.term in adopted)
+                                            one.sentence, one.change or UNSET)
+                    for one in finding.effects if one.term in adopted)
     alarm, since = following.alarm or 1, following.since or 1
     name = files[1]
     made = settings.AimProposal("", None, _say(finding, since, rows, following), effects, following.shot(since), since,
@@ -256,7 +257,6 @@ def _what(finding: Finding, following: Following) -> str:
     record, among = finding.record, following.belief.catalogue
     if finding.best is None:
         return "an effect that no term explains"
-    size = next(iter(record.what[0].parameters.values()))
-    said = say_effect(record.what[0].term, size, record.what[0].sentence, among, record.data.topspin)
+    said = say_name(record.what[0], among, record.data.topspin)
     others = [plain(one.term, among) for one in finding.alternatives[:2]]
     return f"{said}{', or ' + either(others) + ',' if others else ''}"

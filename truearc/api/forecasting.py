@@ -35,13 +35,15 @@ from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots, circumstances_of
 from truearc.sim.infer.belief import Belief, along
 from truearc.sim.infer.likelihood.data import every_column
+from truearc.sim.infer.track_forecast import forecast_flights
 from truearc.sim.physics.simulate import classify, opening_of
 from truearc.sim.physics.simulate import predict as fly_shots
 from truearc.sim.printed import Printed, Progress, make_text
-from truearc.sim.statistics import POINTS_TWO
+from truearc.sim.statistics import POINTS_TWO, Z90
 
 ROUNDING = 1e-6                       # of a fitted range: a converted unit is not outside it
 FORECAST_COLUMNS = ("shot_id", "height_m", "deviation_m", "outcome", "note")
+TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m", "x_band_m", "y_band_m", "z_band_m")
 NOT_REACHED = "does not reach the target: it meets the floor or turns back first"
 SCHEMA = "truearc.aim_table/1"
 HEADER = ("m", "hood deg", "motor rpm", "P(two)", "P(three)", "points", "-10 cm", "-1 deg", "-50 rpm")
@@ -53,13 +55,16 @@ FARTHEST_M = 100.0
 
 
 def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path | None = None,
-            accept: Collection[str] = (), progress: Progress = lambda done, note: None) -> Table:
+            tracks: float | None = None, accept: Collection[str] = (),
+            progress: Progress = lambda done, note: None) -> Table:
     """Forecast each shot of a dataset with a belief or an exported gate.
 
     Args:
         dataset: Shots with distance_m [m], hood_deg [deg] and motor_ratio [1] (or wheel speeds, for a belief).
         belief: Coefficients for the forecasts.
         gate: ONNX file of a gate, instead of a belief.
+        tracks: Forecast flights instead: from the first such share of each track's samples, at the times of the others
+            (1: from all, every 0.02 s on to the floor); 0: from settings alone, from release to plane or floor.
         accept: Names of plausibility checks whose objections are accepted.
         progress: Called with the share done, 0 to 1, and a note.
 
@@ -68,19 +73,28 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
         target's centre [m, up positive], outcome, and a note if a setting is outside the range of the fitted shots, the
         rig differs from theirs, or height_m is None because the ball hits the floor or turns back first. With a gate:
         shot_id, p_two and p_three (probabilities), in_domain, novelty (over 1: outside the recorded shots); None where
-        the gate gives no number.
+        the gate gives no number. With tracks: a row per time t_s [s, from the track's first sample, or from release]:
+        where the ball is (launcher's frame), and for each axis half the width of the 90 % interval, by what the belief
+        leaves open, launches scatter and the samples leave unknown.
 
     Raises:
         InputError: implausible data, neither or both of belief and gate, a file that is not a gate, a missing column,
-            or a rig without a target.
+            a rig without a target, tracks outside 0 to 1 or with a gate, or no flight that can be forecast.
     """
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     if (belief is None) == (gate is None):
         raise InputError("predict: give either a belief or gate=FILE")
+    if tracks is not None and (belief is None or not 0.0 <= tracks <= 1.0):
+        raise InputError(f"predict: tracks={tracks:g}: expected a share from 0 to 1, with a belief")
     dataset = check_plausible(dataset, accept)
     if belief is None:
         return Table(RATING_COLUMNS, tuple(rate_shots(load_gate(str(gate)), dataset.shots, dataset.name)))
     check_kind("belief", belief, Belief, "load_belief(...)")
+    if tracks is not None:
+        flights = forecast_flights(dataset, belief, float(tracks))
+        return Table(TRACK_COLUMNS, tuple(
+            (dataset.shots.shot_id[one.row], *map(float, numbers)) for one in flights
+            for numbers in np.column_stack([one.t_s, one.place_m, Z90 * one.sd_m])))
     flown = _flown(dataset, belief, progress)
     other = belief.other_rig(dataset.rig)
     notes = ["; ".join(filter(None, (note, other))) for note in _notes(dataset.shots, flown[0], belief.provenance)]

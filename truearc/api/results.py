@@ -10,6 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from msgspec import UnsetType
+
 from truearc.robot.config.schema import Config
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import Trial, load_header, load_session_config, load_trials
@@ -81,7 +83,8 @@ class Effect:
     """Candidate term for an effect that the simulation lacks.
 
     `probability`: posterior probability of this term. `value`, `sd`, `interval90`: its amplitude, in `unit`. `stage`:
-    sensing, launch, flight or arrival. `believed`: amplitude in the tested belief; None without one.
+    sensing, launch, flight or arrival. `believed`: amplitude in the tested belief, and `change` since, as an interval
+    with its `value` and `sd`; None without one.
     """
 
     term: str
@@ -94,6 +97,7 @@ class Effect:
     sentence: str
     parameters: dict[str, Interval]
     believed: float | None = None
+    change: Interval | None = None
 
 
 class FindingReport(Printed):
@@ -192,7 +196,8 @@ def load_finding(path: str | Path) -> SavedFinding:
 def _effect(one: Named) -> Effect:
     size = next(iter(one.parameters.values()))
     return Effect(one.term, one.probability, size.value, size.sd, (size.low90, size.high90), size.unit, one.stage,
-                  one.sentence, one.parameters, one.believed)
+                  one.sentence, one.parameters, one.believed,
+                  None if isinstance(one.change, UnsetType) else one.change)
 
 
 class Recording(Printed):

@@ -167,13 +167,12 @@ def ranges(dataset: "ta.Dataset") -> list[str]:
 
 def plausibility(dataset: "ta.Dataset") -> list[str]:
     """Return what the plausibility checks of a dataset that passed them have to say."""
-    from truearc.sim.check.believable import SCORES
-    from truearc.sim.check.check import judges_reach
+    from truearc.sim.check.believable import SCORES, judged_shots
     objections = [f"warning: {objection}" for objection in dataset.accepted] or ["plausible: every check passed"]
     flights = {"tracks", "times"} & set(dataset.samples)
     unjudged = [("tracks.csv", "gravity, axes, units of length and time", not flights),
                 (f"{SCORES} scoring shots of known distance, angle and speed",
-                 "distances, angles and speeds by each other", not flights and not judges_reach(dataset))]
+                 "distances, angles and speeds by each other", not flights and not len(judged_shots(dataset)))]
     return objections + [f"  not checked without {needed}: {what}" for needed, what, missing in unjudged if missing]
 
 

@@ -53,7 +53,8 @@ def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
          f"{_share_held(folder, config, practice, event, seed):.0%} of them")
     _say(event.finding.sentence)
     write_out(folder / "envelope.txt", envelope.text)
-    _say(f"the envelope is opened: {envelope.effect.name} (sha256sum {folder / 'envelope.txt'})")
+    _say(f"the envelope is opened: {envelope.effect.name} (sha256sum {folder / 'envelope.txt'}); in the words of a "
+         f"finding: {envelope.effect.truth}")
     print("\n== the control: another day, and nothing has changed")
     control = acting.play_event(config.rig, practice, acting.NOTHING.options, seed, 1, sizes,
                                 make_progress("control", args.quiet))
@@ -63,7 +64,7 @@ def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     _keep(folder, acts, origin)
     page = acting.save_page(folder, acts, envelope, origin._replace(sha256=hash_dataset(event.shots)))
     print("\n== what was wrong, how large, and what it was worth")
-    print("\n".join(acting.answer(acts, envelope.effect.name)))
+    print("\n".join(acting.answer(acts, envelope.effect)))
     _say(acting.say_limits(event, control))
     print(f"page: {page}; the same again: --seed {seed}   ({time.monotonic() - began:.0f} s)")
     return 0

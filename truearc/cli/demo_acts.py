@@ -21,7 +21,7 @@ import truearc as ta
 from truearc.robot.config.rig_spec import Rig, Site
 from truearc.sim.aim.solve import best_ratios
 from truearc.sim.data.dataset import join_datasets
-from truearc.sim.discover.report.finding_text import either, plain, size_of
+from truearc.sim.discover.report.finding_text import either, interval_of, plain, size_of
 from truearc.sim.printed import Progress, make_text, part_of
 from truearc.sim.report import COLOURS, PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
 from truearc.sim.world.options import Options
@@ -54,16 +54,22 @@ BEFORE, AFTER = "#9aa3af", "#1f5fa8"
 
 
 class WorldChange(NamedTuple):
-    """A change of the world: its name with its size, and the correct terms of the catalogue; () if there are none."""
+    """A change of the world: its name with its size, and the correct terms of the catalogue with their sizes, if there
+    are any."""
 
     name: str
     options: Options
-    terms: tuple[str, ...]
+    terms: Mapping[str, float]
+
+    @property
+    def truth(self) -> str:
+        """The change in the words and with the sign of a finding; its name if it is of no term."""
+        return next((f"{plain(term)} {size_of(term, size, '')}" for term, size in self.terms.items()), self.name)
 
 
-NOTHING = WorldChange("nothing changed", Options(), ())
+NOTHING = WorldChange("nothing changed", Options(), {})
 _TABLE = tomllib.loads(Path(__file__).with_name("demo_effects.toml").read_text(encoding="utf-8"))
-EFFECTS = tuple(WorldChange(row["name"], Options(**row["options"]), tuple(row["terms"])) for row in _TABLE["effect"])
+EFFECTS = tuple(WorldChange(row["name"], Options(**row["options"]), row["terms"]) for row in _TABLE["effect"])
 
 
 class Envelope(NamedTuple):
@@ -209,27 +215,27 @@ def _settings(good: np.ndarray, count: int, *columns: np.ndarray) -> list[ShotSe
 Acts = Mapping[str, Act]              # practice, event, control
 
 
-def answer(acts: Acts, effect: str) -> list[str]:
+def answer(acts: Acts, effect: WorldChange) -> list[str]:
     """Return a table of what was wrong, what was found with its size, and what that was worth."""
     return make_text(HEAD, _rows(acts, effect))
 
 
-def _rows(acts: Acts, effect: str) -> list[Sequence[str]]:
-    wrong = ("the paper's physics has no wheel slip", effect, NOTHING.name)
+def _rows(acts: Acts, effect: WorldChange) -> list[Sequence[str]]:
+    wrong = ("the paper's physics has no wheel slip", effect.truth, NOTHING.name)
     return [(name, why, _found(act), f"{act.volleys[0].threes} to {act.volleys[1].threes} of {act.volleys[1].balls}",
              " to ".join(f"{one.per_ball:.2f}" for one in act.volleys))
             for (name, act), why in zip(acts.items(), wrong, strict=True)]
 
 
 def _found(act: Act) -> str:
-    """Names, the likeliest first, with its size; since practice, where it was believed then."""
+    """Names, the likeliest first, with its size and 90 % interval; of what was believed after practice, its change."""
     best = act.finding.best
     if best is None:
         return "something that no term explains" if act.finding.verdict == "unknown" else "nothing"
     more = [plain(one.term) for one in act.finding.alternatives]
     others = [*more[:LISTED - 1], *([f"{len(more) - LISTED + 1} more"] if len(more) >= LISTED else [])]
-    return (f"{plain(best.term)} {size_of(best.term, best.value - (best.believed or 0.0), best.unit)}"
-            + (f"; or {either(others)}" if others else ""))
+    size = best.change or next(iter(best.parameters.values()))
+    return f"{plain(best.term)} {interval_of(best.term, size)}" + (f"; or {either(others)}" if others else "")
 
 
 def say_limits(event: Act, control: Act) -> str:
@@ -243,10 +249,10 @@ def say_limits(event: Act, control: Act) -> str:
 
 def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> Path:
     """Write index.html; return its path."""
-    effect, event = envelope.effect.name, acts["event"]
+    effect, event = envelope.effect, acts["event"]
     before, after = (one.per_ball for one in event.volleys)
-    verdict = (f"At the event something had changed that no sensor saw ({effect}): {before:.2f} points per ball, and "
-               f"{after:.2f} once the robot had aimed again after {len(event.shots.shots)} marked shots.")
+    verdict = (f"At the event something had changed that no sensor saw ({effect.name}): {before:.2f} points per ball, "
+               f"and {after:.2f} once the robot had aimed again after {len(event.shots.shots)} marked shots.")
     aim = event.aims[1].plot()
     aim.set_size_inches(PHONE_IN, 1.5 * PHONE_IN)
     sections = [

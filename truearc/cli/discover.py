@@ -80,6 +80,9 @@ def predict_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cd", type=common.number(float, 0.0), help="drag coefficient of the paper's Eq. 3")
     parser.add_argument("--cl", type=common.number(float), help="lift coefficient of the paper's Eq. 2")
     parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
+    parser.add_argument("--tracks", type=common.number(float, 0.0, 1.0), nargs="?", const=0.0, metavar="SHARE",
+                        help="forecast flights: from the first SHARE of each track's samples (default 0: from settings "
+                        "alone)")
     common.add_terms_from(parser)
     common.add_accept(parser)
     parser.add_argument("-o", "--out", type=common.out_file, metavar="FILE",
@@ -93,8 +96,17 @@ def predict(args: argparse.Namespace) -> int:
     its difference from the target's centre; both are empty if the ball hits the floor or turns back first. The note
     says so, and names settings outside the range of the shots that the coefficients were fitted to. With --gate:
     shot_id,p_two,p_three,in_domain,novelty (novelty over 1: outside the recorded shots).
+
+    With --tracks: shot_id,t_s,x_m,y_m,z_m,x_band_m,y_band_m,z_band_m: where the ball will be, with half the width of
+    each 90 % interval. --tracks: from settings, every 0.02 s from release to the plane or the floor. --tracks 0.4: from
+    the first part of each track, at the times of its other samples. --tracks 1: from a whole one, on to the floor.
     """
-    if args.gate is None:
+    if args.tracks is not None:
+        common.refuse(args, ("--gate",), "does not apply with --tracks")
+        table = ta.predict(_plausible(args), _belief(args), tracks=args.tracks, accept=args.accept)
+        table = ta.Table(table.columns, tuple((name, *(common.fixed(one, 6) for one in numbers))
+                                              for name, *numbers in table.rows))
+    elif args.gate is None:
         table = _by_simulation(args)
     else:
         common.refuse(args, ("--cd", "--cl", "--coefficients", "--terms-from"), "does not apply with --gate")

@@ -104,6 +104,7 @@ LET_GO_NS = 100 * MS                  # how often the order to let go is repeate
 FAULTS_STALE_NS = 1000 * MS           # STATUS_1 comes every 0.25 s
 DEAF_NS = 150 * MS                    # a device that applies nothing for this long does not do as it is asked
 LEAST_DUTY = 0.01                     # one smaller may be rounded away
+LEAST_BUS_V = 5.5                     # below, a SPARK MAX does not work (REV's data sheet): the reading is wrong
 
 
 class SparkHeartbeat:
@@ -212,8 +213,9 @@ class SparkMotor(AskedMotor):
 
     def _may_drive(self, t_ns: int) -> bool:
         reading = self.reading
-        return (self._trip.is_timely and self._setup.is_ready and not reading.axis_error and reading.bus_v > 0.0
-                and _is_young(reading.t_ns, t_ns, STALE_NS) and _is_young(reading.bus_t_ns, t_ns, STALE_NS)
+        return (self._trip.is_timely and self._setup.is_ready and not reading.axis_error
+                and reading.bus_v >= LEAST_BUS_V and _is_young(reading.t_ns, t_ns, STALE_NS)
+                and _is_young(reading.bus_t_ns, t_ns, STALE_NS)
                 and _is_young(reading.errors_t_ns or 0, t_ns, FAULTS_STALE_NS))
 
     def _drive(self, torque_nm: float, t_ns: int) -> Order:

@@ -17,7 +17,7 @@ from truearc_proof.rivals import RIVALS
 GROUP = "proof"
 SUMMARY = "concealed worlds, sealed before and opened after"
 EXAMPLE = "truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy --out round/"
-DEFAULTS = {"worlds": 60, "level": "L1", "shots": 300, "engines": "numpy,mujoco", "solve": 0}
+DEFAULTS = {"worlds": 60, "level": "L1", "shots": 300, "engines": "foreign,numpy,mujoco", "solve": 0}
 DRAWN = ("--worlds", "--level", "--shots", "--engines", "--seed", "--seed-from-entropy")
 # The options that each role uses, besides --out and --quiet; all roles together without one.
 APPLY = {

@@ -26,5 +26,7 @@ FRC_254 = Importer("frc-254", ("Constants.java", "TABLES.csv"), _later("set_poin
 FRC_2910 = Importer("frc-2910", ("TargetWithShooterCommand.java", "TABLES.csv"), _later("set_points", "import_2910"))
 FRC_3476 = Importer("frc-3476", ("CLONE/", "shooterconfig.json", "HISTORY.csv"), _later("set_points", "import_3476"))
 FRC_971 = Importer("frc-971", ("constants.cc", "SPEEDS.csv"), _later("set_points", "import_971"))
+FTC_DECODE = Importer("ftc-decode", ("SHOTS.csv",), _later("real_shots", "import_ftc_decode"))
+FUEL_CLIPS = Importer("fuel-clips", ("SHOTS.csv",), _later("real_shots", "import_fuel_clips"))
 SEPIA_DROPS = Importer("sepia-drops", ("TIMES.dat HEIGHTS.height RADII.radii", "DROPS.txt"),
                        _later("ball_drops", "import_sepia_drops"))

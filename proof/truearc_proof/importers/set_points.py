@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Target, Wheel
+from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Site, Target, Wheel
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.table import (
     Cell,
@@ -50,6 +50,8 @@ OPENING_M = (0.0762, 0.381)           # half heights: the ball's margin in the i
 WHEEL_M = 0.0508                      # 4 in
 RELEASE_M = 0.75                      # assumed: not stated
 DISTANCE_M = 0.05
+# source: rules of 2020 and 2021, whose matches are played in halls; teams tune in their workshops and school gyms
+HALL = Site(indoor=True)
 
 
 def load_254(path: Path, problems: Problems) -> RawTable:
@@ -245,8 +247,8 @@ def _shots(shot_id: tuple[str, ...], distance_m: np.ndarray, wheel_rpm: np.ndarr
 
 def _rig() -> Rig:
     wheels = (Wheel("main", WHEEL_M, 1.0, 180.0), Wheel("hood", WHEEL_M, 0.0, 0.0))
-    return Rig(BALL, LauncherFacts(RELEASE_M, None, wheels), Target(GOAL_M, *OPENING_M), Air(1.2),
-                 noise=Noise(distance_m=DISTANCE_M), believe=Believe(("gravity", "drag", "magnus", "exit_efficiency")))
+    return Rig(BALL, LauncherFacts(RELEASE_M, None, wheels), Target(GOAL_M, *OPENING_M), Air(1.2), site=HALL,
+               noise=Noise(distance_m=DISTANCE_M), believe=Believe(("gravity", "drag", "magnus", "exit_efficiency")))
 
 
 # --- exit speeds
@@ -273,7 +275,7 @@ def import_971(speeds: str | Path) -> Dataset:
     shots = Shots(tuple(f"{row:02d}" for row in range(1, len(speed_m_s) + 1)), {
         "hood_deg": np.full(len(speed_m_s), NO_ELEVATION_DEG), "wheel_left_rad_s": wheel_rad_s,
         "wheel_right_rad_s": wheel_rad_s, "exit_speed_m_s": speed_m_s}, {})
-    return Dataset("frc-971", Rig(BALL, LauncherFacts(RELEASE_M, None, wheels), air=Air(1.2),
+    return Dataset("frc-971", Rig(BALL, LauncherFacts(RELEASE_M, None, wheels), air=Air(1.2), site=HALL,
                                     believe=Believe(("gravity", "exit_efficiency"))), shots)
 
 

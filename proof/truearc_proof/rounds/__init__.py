@@ -3,7 +3,7 @@
     ROUND/lock                    held by the writing process
     ROUND/half/                   unfinished data, which is never read
     ROUND/ledger.jsonl            every step of every world, as a hash chain
-    ROUND/data/w0001/             a released dataset
+    ROUND/data/w0001/             a released dataset; of a foreign world, its practice is in the folder home
     ROUND/data/home/              MuJoCo's robot before any change, if there are such worlds
     ROUND/home.json               the belief from that robot's session, computed once for all claims
     ROUND/claims/w0001.json       the solver's claims about that dataset, and the shots that it requests

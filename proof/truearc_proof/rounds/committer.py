@@ -43,9 +43,9 @@ from truearc_proof.rounds import (
     save_seal,
 )
 from truearc_proof.rounds.worlds import (
+    ENGINES,
     FIRST_SEED,
     HOME,
-    MUJOCO,
     NUMPY,
     OWN,
     PARAMETER,
@@ -76,7 +76,7 @@ class RoundPlan(Struct, frozen=True, forbid_unknown_fields=True):
     worlds: int
     level: str
     shots: int
-    engines: tuple[str, ...] = (NUMPY, MUJOCO)
+    engines: tuple[str, ...] = ENGINES
     entropy: bool = False             # the seed was drawn, not chosen, by the keeper's own statement
 
     def drawn(self) -> tuple[Drawn, ...]:
@@ -155,8 +155,8 @@ def _answer_claimed(room: Room, progress: Progress, workers: int | None) -> None
 
 
 def can_answer(drawn: Drawn, asked: Wanted) -> bool:
-    """Return whether the keeper can shoot or measure this world: no external one, and MuJoCo's is not measured."""
-    return drawn.engine == NUMPY or (drawn.engine == MUJOCO and not isinstance(asked, str))
+    """Return whether the keeper can shoot or measure this world: no external one; only NumPy's are measured."""
+    return drawn.engine == NUMPY or (drawn.engine != OWN and not isinstance(asked, str))
 
 
 def asked_of(room: Room, world: str) -> Wanted:

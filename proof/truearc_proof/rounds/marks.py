@@ -29,6 +29,7 @@ from truearc.sim.physics.simulate import opening_of, predict
 from truearc_proof.rounds.worlds import (
     ALIKE,
     DECOY,
+    FOREIGN,
     MUJOCO,
     NUMPY,
     OWN,
@@ -39,10 +40,10 @@ from truearc_proof.rounds.worlds import (
     dirty_plan,
     play_robot,
     unseen,
+    world_of,
 )
 from truearc_proof.truth import world as truth
 from truearc_proof.truth.generate import play, shift_m
-from truearc_proof.truth.world import make_world
 
 # --- what the data allow, and sealed shots
 
@@ -163,8 +164,7 @@ def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0)
 def _of_one(drawn: Drawn, dataset: Dataset, fitted: LauncherFit, seed: int) -> Measured:
     (name, amount), = drawn.effects.items()
     if name not in PARAMETER:
-        world = make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt)
-        return Measured(strength=strength_of(fitted.scores, shift_m(world)))
+        return Measured(strength=strength_of(fitted.scores, shift_m(world_of(drawn))))
     column, amplitude = f"{name}.{PARAMETER[name][0]}", PARAMETER[name][1](amount)
     ceiling = ceiling_of(fitted.scores, drawn.level, column, amplitude, seed)
     if name in WEAR and not counts_shots(dataset.shots):       # it goes with balls, which are not told apart
@@ -195,8 +195,8 @@ class Unseen(NamedTuple):
 def shoot_unseen(drawn: Drawn) -> Unseen | None:
     """Shoot the hold-out season; None for an external world, which only its maker can shoot."""
     seed = drawn.seed + APART
-    if drawn.engine == NUMPY:
-        world = make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt)
+    if drawn.engine in (FOREIGN, NUMPY):
+        world = world_of(drawn)
         season = play(replace(world, seed=seed))
         return Unseen(season.dataset, season.flown.arrival.height_m - _centre_m(season.dataset)
                       - world.amount("target_height"))
@@ -447,11 +447,24 @@ def _size(drawn: Drawn, finding: Finding, measured: Measured) -> dict[str, Any]:
         return {}
     parameter = told[0]
     truth = amount if drawn.engine == OWN else told[1]       # strangers state the catalogue's own number
-    given = (next(one for one in finding["what"] if one["term"] == name).get("parameters") or {}).get(parameter)
-    if given is None or given["low90"] is None or (drawn.level == "L0" and name in BY_BALL):
+    given = change_of(next(one for one in finding["what"] if one["term"] == name), parameter)
+    if given is None or (drawn.level == "L0" and name in BY_BALL):
         return {}                     # balls not told apart: wear is what it comes to by the end, not a ball's own
-    error = None if measured.best_sd is None else (given["value"] - truth) / measured.best_sd
-    return {"holds": given["low90"] <= truth <= given["high90"], "error": error}
+    value, low90, high90 = given
+    error = None if measured.best_sd is None else (value - truth) / measured.best_sd
+    return {"holds": low90 <= truth <= high90, "error": error}
+
+
+def change_of(named: Mapping[str, Any], parameter: str) -> tuple[float, float, float] | None:
+    """Return (value, low90, high90) of a named term's change of what was believed; None where no interval is given.
+
+    value: nan where claims state the interval alone.
+    """
+    given = named.get("change") or (named.get("parameters") or {}).get(parameter)
+    if given is None or given["low90"] is None:
+        return None
+    before = 0.0 if named.get("change") else named.get("believed") or 0.0
+    return given.get("value", np.nan) - before, given["low90"] - before, given["high90"] - before
 
 
 def named_decoy(mark: Mark) -> bool | None:

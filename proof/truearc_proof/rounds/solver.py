@@ -136,9 +136,13 @@ def _discover(room: Room, world: str, more: ta.Dataset | None,
               measured: Mapping[str, tuple[float, float]] | None = None) -> tuple[ta.Finding, ta.Dataset]:
     dataset = ta.load_dataset(room.data(world))
     whole = dataset if more is None else join_datasets(dataset, more)
-    if dataset.rig.believe.terms:
+    if (room.data(world) / HOME).is_dir():                       # a foreign world's own practice
+        home = ta.load_dataset(room.data(world) / HOME)
+        belief = _believed_after(home)
+    elif dataset.rig.believe.terms:
         return _ask(whole, measured=measured), whole
-    home, belief = at_home(room)
+    else:
+        home, belief = at_home(room)
     return _ask(whole, measured=measured, belief=belief, since=home), whole
 
 
@@ -154,7 +158,7 @@ def asked_for(found: ta.Finding, dataset: ta.Dataset) -> list[dict[str, Any]]:
     if "probability_after" not in plan:
         return []
     tool = next((one for one in plan["next"] if one["do"] == "measure" and one["instrument"] in TOOLS), None)
-    if tool is not None and tool["probability"] > plan["probability_after"] and dataset.rig.believe.terms:
+    if tool is not None and tool["probability"] > plan["probability_after"] and found.investigation.belief is None:
         return [{"measure": tool["instrument"]}]
     return [_shots_like(dataset.shots.shot_id.index(one["like"]), one.get("pace", 1.0), one["shots"], dataset)
             for one in plan["next"] if one["do"] == "shoot"]
@@ -177,7 +181,7 @@ def _write(path: Path, claims: dict[str, Any]) -> None:
 def _keep_home(room: Room) -> None:
     """Once a round, not once a worker: what the unmodified robot's session leaves to be believed takes minutes."""
     if _kept_home(room) is None:
-        _write(room.home, {**_home_of(room), "belief": as_table(_believed_at_home(room))})
+        _write(room.home, {**_home_of(room), "belief": as_table(_believed_after(ta.load_dataset(room.data(HOME))))})
 
 
 def _kept_home(room: Room) -> ta.Belief | None:
@@ -190,8 +194,8 @@ def _home_of(room: Room) -> dict[str, Any]:
     return {"solver": solver_id(), "data": hash_files(room.data(HOME))}
 
 
-def _believed_at_home(room: Room) -> ta.Belief:
-    return make_belief(_ask(ta.load_dataset(room.data(HOME)), believe=AT_HOME).investigation)[0]
+def _believed_after(home: ta.Dataset) -> ta.Belief:
+    return make_belief(_ask(home, believe=None if home.rig.believe.terms else AT_HOME).investigation)[0]
 
 
 @cache
@@ -200,7 +204,8 @@ def at_home(room: Room) -> tuple[ta.Dataset, ta.Belief]:
     directory = room.data(HOME)
     if not directory.is_dir():
         raise ta.InputError(f"{directory}: is missing: these worlds are to be compared with it")
-    return ta.load_dataset(directory), _kept_home(room) or _believed_at_home(room)
+    home = ta.load_dataset(directory)
+    return home, _kept_home(room) or _believed_after(home)
 
 
 @cache

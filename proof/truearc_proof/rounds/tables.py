@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from truearc.sim.statistics import wilson
 from truearc_proof.rounds.marks import MEASUREMENT, NULLS, SHOTS, Mark, up_to_alias
-from truearc_proof.rounds.worlds import MUJOCO, NUMPY, OWN
+from truearc_proof.rounds.worlds import FOREIGN, MUJOCO, NUMPY, OWN
 from truearc_proof.table import Table
 from truearc_proof.truth.world import LEVELS
 
@@ -31,7 +31,7 @@ def make_tables(marks: Sequence[Mark], again: Again = ()) -> list[Table]:
     """Return the tables of a round that have rows.
 
     False alarms, detection by lambda and by name, correct answers, the abstention matrix, the targets of the posterior,
-    rivals, and the gain of further shots.
+    rivals, and the gain of further shots. Foreign worlds come first.
 
     Args:
         marks: Of first claims.
@@ -71,9 +71,10 @@ def ladder_of(marks: Sequence[Mark]) -> list[tuple[float, float, list[Mark]]]:
 
 
 def _alarms(marks: Sequence[Mark]) -> Table:
-    titles = {"clean": [(NUMPY, "clean")], "dirty": [(NUMPY, "dirty")], "MuJoCo, unchanged": [(MUJOCO, "clean")],
-              "MuJoCo, unchanged, dirty": [(MUJOCO, "dirty")], "external": [*product((OWN,), NULLS)],
-              "together": [*product((NUMPY, MUJOCO, OWN), NULLS)]}
+    titles = {"foreign, unchanged": [(FOREIGN, "clean")], "clean": [(NUMPY, "clean")], "dirty": [(NUMPY, "dirty")],
+              "MuJoCo, unchanged": [(MUJOCO, "clean")], "MuJoCo, unchanged, dirty": [(MUJOCO, "dirty")],
+              "external": [*product((OWN,), NULLS)],
+              "together": [*product((FOREIGN, NUMPY, MUJOCO, OWN), NULLS)]}
     groups = {title: [one for one in marks if (one.engine, one.kind) in kinds] for title, kinds in titles.items()}
     rows = [[title, said(*share(mine, FOUND)), said(*share(mine, lambda one: bool(one.names)))]
             for title, mine in groups.items() if mine]
@@ -107,7 +108,7 @@ def _by_name(marks: Sequence[Mark]) -> Table:
 
 def _right(marks: Sequence[Mark]) -> Table:
     """Each kind of world in which something is hidden, of those found."""
-    kinds = {**{words: (NUMPY, kind) for kind, words in KINDS.items()},
+    kinds = {"foreign, one thing changed": (FOREIGN, "one"), **{words: (NUMPY, kind) for kind, words in KINDS.items()},
              **{f"MuJoCo, {words}": (MUJOCO, kind) for kind, words in CHANGED.items()},
              **{f"external, {words}": (OWN, kind) for kind, words in KINDS.items()}}
     rows = []
@@ -182,6 +183,10 @@ class Goal(NamedTuple):
 ALARM_RATES, FEW_ALARM_RATES = (0.03, 0.07), (0.0, 0.08)
 NEGLIGIBLE = 1e-3                     # relative change of an error that counts as none
 WORSE = 1.01                          # RMS error on the sealed season, by that without what was adopted
+FOREIGN_ALARMS = Goal("false alarms, foreign", (FEW_ALARM_RATES,) * 3)
+FOREIGN_FOUND = Goal("foreign: a change is found", (None, (0.83, 1.0), (0.83, 1.0)))
+FOREIGN_HELD = Goal("foreign: set holds the truth", ((0.90, 1.0),) * 3)
+FOREIGN_INTERVALS = Goal("foreign: 90 % intervals hold the change", ((0.82, 0.95),) * 3)
 CLEAN = Goal("false alarms, clean", (ALARM_RATES,) * 3)
 DIRTY = Goal("false alarms, dirty", (ALARM_RATES, ALARM_RATES, FEW_ALARM_RATES))
 UNCHANGED = Goal("false alarms, MuJoCo unchanged", (ALARM_RATES, ALARM_RATES, FEW_ALARM_RATES))
@@ -193,6 +198,7 @@ BOTH = Goal("two effects, both right", (None, (0.3, 1.0), (0.6, 1.0)))
 INTERVALS = Goal("90 % intervals hold the truth", ((0.86, 0.94),) * 3)
 ADOPTED = Goal("adopted worse on the sealed season by over 1 %", ((0.0, 0.06),) * 3)
 SIZE = Goal("mean size of a set", ((0.0, 5.0), (0.0, 4.0), (0.0, 1.6)))
+OMITTED = (FOREIGN_ALARMS, FOREIGN_FOUND, FOREIGN_HELD, FOREIGN_INTERVALS, POWER, SIZE)    # where no world counts
 
 
 class ProofFigure(NamedTuple):
@@ -205,9 +211,14 @@ class ProofFigure(NamedTuple):
 
 
 def figures_of(marks: Sequence[Mark]) -> dict[Goal, ProofFigure]:
-    """Return figures of worlds of one level and number of shots, by both engines."""
+    """Return figures of worlds of one level and number of shots, foreign ones first, then of all engines."""
     found = [one for one in marks if one.found]
+    changed = [one for one in marks if one.engine == FOREIGN and one.kind not in NULLS]
     shares = {
+        FOREIGN_ALARMS: [one.found for one in marks if one.engine == FOREIGN and one.kind in NULLS],
+        FOREIGN_FOUND: [one.found for one in changed],
+        FOREIGN_HELD: [bool(one.covered) for one in changed if one.found],
+        FOREIGN_INTERVALS: [one.holds for one in changed if one.holds is not None],
         CLEAN: [one.found for one in marks if one.engine == NUMPY and one.kind == "clean"],
         DIRTY: [one.found for one in marks if one.engine == NUMPY and one.kind == "dirty"],
         UNCHANGED: [one.found for one in marks if one.engine == MUJOCO and one.kind in NULLS],
@@ -256,7 +267,7 @@ def posterior_rows(marks: Sequence[Mark]) -> list[list[str]]:
     """Return rows [target, figure, wanted, whether it is reached] for worlds of one level."""
     level = LEVELS.index(marks[0].level)
     return [[goal.words, figure.words, _wanted(goal.wanted[level]), _reached(figure, goal.wanted[level])]
-            for goal, figure in figures_of(marks).items() if figure.value is not None or goal not in (POWER, SIZE)]
+            for goal, figure in figures_of(marks).items() if figure.value is not None or goal not in OMITTED]
 
 
 def _wanted(wanted: tuple[float, float] | None) -> str:

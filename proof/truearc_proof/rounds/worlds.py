@@ -3,6 +3,10 @@
 Shares follow the design; sizes follow a ladder in lambda, the detectability of the effect in such data
 (proof/truearc_proof/truth/ladder.toml), instead of a judged usual size. Nothing here comes from truearc.sim.physics.
 
+Foreign worlds are of the NumPy engine with several small errors of what is believed, the same in a practice, which lies
+in the folder `home` of the data, and in the event, before which one thing has changed or none. Errors follow from the
+seed (truearc_proof.truth.world); `effects` is the change alone.
+
 Concealed changes of the MuJoCo world have one or more correct names in the catalogue.
 
 The law of this world is not the catalogue's: a softer ball leaves slower, lower and with different spin, so several
@@ -44,8 +48,8 @@ from truearc.sim.world.options import Options
 from truearc.sim.world.world import Season, ShotSetting
 from truearc_proof.rounds import TOOLS, canonical
 from truearc_proof.truth import world as truth
-from truearc_proof.truth.generate import Asked, follow, write
-from truearc_proof.truth.world import LEVELS, TRACK_DIRT, find_effect, make_world
+from truearc_proof.truth.generate import Asked, follow, foreign_robot, write
+from truearc_proof.truth.world import FEWEST, LEVELS, TRACK_DIRT, World, find_effect, make_world
 from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
 
 # --- hidden effects, and the catalogue's numbers for them
@@ -103,11 +107,15 @@ WRONG_MARKS, TRACK_TAILS, LOST_FRAMES = 0.02, 3, 0.25
 FAR_M = 5.0                           # lopsided practice is from there on
 # A decoy's battery: from a little above the usual 12.6 V, so that the motors always have what they ask for.
 FULL_V, FALL_V = 12.9, 0.8
-NUMPY, MUJOCO = "numpy", "mujoco"
+FOREIGN, NUMPY, MUJOCO = "foreign", "numpy", "mujoco"
+ENGINES = (FOREIGN, NUMPY, MUJOCO)
 OWN = "own"                           # an external world, by an engine of its maker's
 # Shares of kinds; MuJoCo's worlds are of every kind, too, but have no ladder.
 SHARES = {"clean": 0.175, "dirty": 0.175, "one": 0.30, "two": 0.10, "off": 0.15, "alias": 0.05, "decoy": 0.05}
-IN_MUJOCO = 0.2                       # of each kind
+IN_FOREIGN = 0.3                      # of all, unchanged in place of nulls
+IN_MUJOCO = 0.2                       # of each kind of the others
+FOREIGN_CHANGES = (("wind_x", 1.5), ("hood_offset", 1.5), ("distance_scale", 0.04))    # of either sign
+EVENT = 80 / 300                      # shots of a foreign world's event, by those of its practice
 LADDER = (0.5, 2.0, 5.0, 10.0, 20.0, 50.0, 200.0)
 PLAIN = 10.0                          # least lambda of each of two effects, of an alias and of a decoy's companion
 LARGEST = 4.0                         # times the usual size: beyond that nothing is credible; of some, less is
@@ -244,7 +252,7 @@ class Drawn(Struct, frozen=True, forbid_unknown_fields=True):
     strength: dict[str, float] = {}
 
 
-def draw_round(seed: int, worlds: int, level: str, shots: int, engines: tuple[str, ...] = (NUMPY, MUJOCO)
+def draw_round(seed: int, worlds: int, level: str, shots: int, engines: tuple[str, ...] = ENGINES
                ) -> tuple[Drawn, ...]:
     """Draw the worlds of a round, in order of release; the same arguments give the same worlds.
 
@@ -252,8 +260,8 @@ def draw_round(seed: int, worlds: int, level: str, shots: int, engines: tuple[st
     """
     if level not in LEVELS:
         raise InputError(f"there is no level {level!r}; there are {', '.join(LEVELS)}")
-    if not engines or set(engines) - {NUMPY, MUJOCO}:
-        raise InputError(f"engines are {NUMPY} and {MUJOCO}, not {', '.join(engines)}")
+    if not engines or set(engines) - set(ENGINES):
+        raise InputError(f"engines are {', '.join(ENGINES)}, not {', '.join(engines)}")
     rng = np.random.default_rng([seed, worlds, LEVELS.index(level), shots])
     kinds = rng.permutation(np.repeat(list(SHARES), _shared_out(worlds))).tolist()
     return tuple(_draw(rng, f"w{number:04d}", kind, level, shots, engines) for number, kind in enumerate(kinds, 1))
@@ -270,6 +278,10 @@ def _shared_out(worlds: int) -> list[int]:
 
 def _draw(rng: np.random.Generator, name: str, kind: str, level: str, shots: int, engines: tuple[str, ...]) -> Drawn:
     seed = FIRST_SEED + int(rng.integers(1 << 62))
+    if FOREIGN in engines and (len(engines) == 1 or rng.random() < IN_FOREIGN):
+        effect, size = FOREIGN_CHANGES[int(rng.integers(len(FOREIGN_CHANGES)))]
+        change = {} if kind in ("clean", "dirty") else {effect: float(size * rng.choice((-1.0, 1.0)))}
+        return Drawn(name, FOREIGN, "one" if change else "clean", level, shots, seed, change)
     if MUJOCO in engines and (NUMPY not in engines or rng.random() < IN_MUJOCO):
         return change_robot(rng, Drawn(name, MUJOCO, kind, level, shots, seed))
     sizes = _sizes(rng, kind, level)
@@ -387,13 +399,23 @@ MEASURED = "measured.json"
 HOME = "home"                         # the session of the unmodified robot that MuJoCo's worlds are compared with
 
 
+def world_of(drawn: Drawn) -> World:
+    """Return the world of the NumPy engine; of a foreign one its event."""
+    if drawn.engine != FOREIGN:
+        return make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt)
+    return foreign_robot(drawn.seed, drawn.level, drawn.shots, max(round(EVENT * drawn.shots), FEWEST),
+                         drawn.effects)[1]
+
+
 def make_data(drawn: Drawn, directory: Path) -> str:
     """Write the dataset; return its maker (engine and version). The directory must be new or empty."""
     if drawn.engine == MUJOCO:
         save_dataset(directory, _season(drawn, drawn.seed, dirty_plan(drawn.dirt, drawn.seed, drawn.shots),
                                         directory.name))
         return f"mujoco {mujoco.__version__}, truearc {version('truearc')}"
-    write(make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt), directory)
+    write(world_of(drawn), directory)
+    if drawn.engine == FOREIGN:
+        write(foreign_robot(drawn.seed, drawn.level, drawn.shots, FEWEST, {})[0], directory / HOME)
     return f"numpy {version('numpy')}, truearc {version('truearc')}"
 
 
@@ -406,8 +428,7 @@ def make_more(drawn: Drawn, asked: Sequence[Asked], directory: Path) -> None:
         texts = {**dataset.shots.texts, "session": ("2",) * len(ids)}
         save_dataset(directory, replace(dataset, shots=replace(dataset.shots, shot_id=ids, texts=texts)))
         return
-    dataset = follow(make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt), asked)
-    save_dataset(directory, replace(dataset, name=directory.name))
+    save_dataset(directory, replace(follow(world_of(drawn), asked), name=directory.name))
 
 
 def _season(drawn: Drawn, seed: int, settings: Sequence[ShotSetting], name: str) -> Dataset:

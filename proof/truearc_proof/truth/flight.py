@@ -71,7 +71,9 @@ def leave(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats], luck: L
     surface = surface_speeds(world, wheels_rad_s)
     speed, spin = roll(world, surface)
     speed = speed * _kept(world, plan, wheels_rad_s)
-    elevation = plan.hood_deg + world.amount("hood_flex") * (wheels_rad_s[0] - 250.0) / 100.0
+    elevation = (plan.hood_deg + world.amount("hood_flex") * (wheels_rad_s[0] - 250.0) / 100.0
+                 + world.amount("hood_gear") * (plan.hood_deg - 45.0)
+                 + world.amount("slow_tilt") * ((250.0 / wheels_rad_s[0])**2 - 1.0))
     scatter = world.scatter
     return Launch(speed * (1.0 + scatter.speed * luck.speed), elevation + scatter.elevation_deg * luck.elevation,
                   scatter.azimuth_deg * luck.azimuth, spin * (1.0 + scatter.spin * luck.spin),
@@ -83,19 +85,20 @@ def surface_speeds(world: World, wheels_rad_s: tuple[Floats, Floats]) -> tuple[F
     lower, upper = world.facts.launcher.wheel
     faster = 1.0 + world.amount("encoder_scale")
     return (wheels_rad_s[0] * lower.radius_m * faster * (1.0 + world.amount("worn_wheel")),
-            wheels_rad_s[1] * upper.radius_m * faster)
+            wheels_rad_s[1] * upper.radius_m * faster * (1.0 + world.amount("wheel_gear")))
 
 
 def roll(world: World, surface_m_s: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
     """Return (speed, backspin in rad/s) of a ball between two opposed wheels.
 
     It touches them at v + r w = lower and v - r w = upper. Slip adds to the slowness 1/v, a squeezed ball has a
-    smaller r while it rolls, and a share of the speed is lost in squeezing.
+    smaller r while it rolls, and a share of the speed is lost in squeezing, a larger one of a soft ball's high speed.
     """
     lower, upper = surface_m_s
     middle = 0.5 * (lower + upper)
     arm = world.facts.ball.radius_m * (1.0 - world.amount("ball_compression"))
     speed = world.efficiency / (1.0 / middle + world.amount("wheel_slip"))
+    speed = speed * (1.0 - world.amount("soft_ball") * (middle / REFERENCE_M_S)**2)
     return speed, 0.5 * (lower - upper) / arm
 
 
@@ -251,6 +254,8 @@ def drag_factor(world: World, plan: Plan) -> Floats:
 def _speed_factor(world: World, speed_m_s: Floats) -> Floats | float:
     slope, step = world.amount("drag_reynolds"), world.amount("drag_crisis")
     factor: Floats | float = 1.0 + slope * (speed_m_s / REFERENCE_M_S - 1.0) if slope else 1.0
+    power = world.amount("drag_power")
+    factor = factor * (speed_m_s / REFERENCE_M_S)**power if power else factor
     return factor * (1.0 + step / (1.0 + np.exp(CRISIS_M_S - speed_m_s))) if step else factor
 
 

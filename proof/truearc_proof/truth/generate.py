@@ -1,7 +1,7 @@
 """Dataset of a concealed world, as read by its sensors and released to a solver, and further requested shots.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +11,7 @@ import numpy as np
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.data.files import save_dataset
 from truearc_proof.truth.flight import Flown, aim, at, draw_luck, fly_shots, intended_s, wheel_dip, wheel_speeds
-from truearc_proof.truth.world import SUPPLIERS, Floats, Plan, World, plan_shots
+from truearc_proof.truth.world import SUPPLIERS, Floats, Plan, World, draw_errors, make_world, plan_shots
 
 # --- sensors
 
@@ -150,6 +150,7 @@ def _kept_frames(world: World, rng: np.random.Generator, time_s: Floats, end_s: 
 APART = 1 << 40                       # seeds of a world from those of the shots that follow it
 RESTED_S = 8.0
 SESSIONS = 100                        # at most, of one follow-up
+LATER = 1 << 42                       # seeds of a foreign world's practice from those of its event
 
 
 class TruthSeason(NamedTuple):
@@ -180,6 +181,15 @@ def play(world: World) -> TruthSeason:
     distance, hood = see_places(world, plan)
     ratio, flight_s = aim(world, plan, distance, hood)
     return record(world, plan, (distance, hood), ratio, flight_s)
+
+
+def foreign_robot(seed: int, level: str, practice: int, event: int, change: Mapping[str, float]
+                  ) -> tuple[World, World]:
+    """Return a foreign world's practice, and its event after a change; the robot's small errors are those of its
+    seed in both, and the sides of misses are known."""
+    home = make_world(draw_errors(seed), level, practice, seed, side=True)
+    effects = {name: home.amount(name) + change.get(name, 0.0) for name in {**home.effects, **change}}
+    return home, replace(home, seed=seed + LATER, shots=event, effects=effects)
 
 
 def shift_m(world: World) -> Floats:

@@ -85,7 +85,22 @@ UNCATALOGUED: tuple[Effect, ...] = (
     Effect("cold_rubber", "launch", 0.03, "1", True, "relative speed per 10 degrees C above 20"),
     Effect("drag_crisis", "flight", -0.35, "1", False, "relative step of the drag coefficient at 9 m/s, 1 m/s wide"),
 )
-EFFECTS = CATALOGUED + UNCATALOGUED
+# Small errors of what is believed, several at once in every session of a foreign world's robot. Their typical sizes: a
+# sphere's drag coefficient rises from .4 to .5 over a decade of Reynolds numbers below 1e5, a power of .1, and falls
+# where its surface is rough (Achenbach 1972). A golf ball loses 4 to 5 % of its spin in a second (Smits and Smith
+# 1994), this ball by as much friction 5 %, more if it is rough. Tennis balls' restitution falls by .01 per m/s (Cross
+# 1999), of which wheels see a part. Belts creep by 1 to 2 %, and one tooth of 36 is 3 %. Hoods follow their encoders to
+# 1 or 2 %. MuJoCo's balls leave up to 2 deg steeper at slow wheels.
+SMALL_ERRORS: tuple[Effect, ...] = (
+    Effect("drag_power", "flight", 0.1, "1", True, "drag coefficient goes with this power of the speed"),
+    Effect("spin_decay", "flight", 0.1, "1/s", False, "as in the catalogue"),
+    Effect("soft_ball", "launch", 0.02, "1", False, "speed lost at 10 m/s, growing with the square of the speed"),
+    Effect("wheel_gear", "launch", 0.015, "1", True, "true speed of the second wheel / that by its encoder - 1"),
+    Effect("hood_gear", "launch", 0.015, "1", True, "true elevation, from 45 deg on, / that by the hood's encoder - 1"),
+    Effect("slow_tilt", "launch", 1.0, "deg", True, "elevation, times (250 rad/s / speed of the first wheel)^2 - 1"),
+)
+FEWEST_ERRORS, DRAWN = 3, (0.5, 1.5)  # errors of a foreign world at least; their sizes in typical ones
+EFFECTS = CATALOGUED + UNCATALOGUED + SMALL_ERRORS
 COVARIATE_EFFECTS = ("vision_latency", "wheel_droop", "battery_sag", "rapid_fire", "air_density", "ball_spread",
                      "supplier_drag", "seam_force", "cold_rubber")
 # a believed coefficient takes these up whole: all wheels too fast is a better efficiency and more lift, and the spin of
@@ -105,6 +120,14 @@ def find_effect(name: str) -> Effect:
 def check_effects(effects: Mapping[str, float]) -> dict[str, float]:
     """Return effects as floats, by name; InputError for an unknown one."""
     return {find_effect(name).name: float(amount) for name, amount in sorted(effects.items())}
+
+
+def draw_errors(seed: int) -> dict[str, float]:
+    """Return the small errors of the foreign world with that seed, by name."""
+    rng = np.random.default_rng([seed, 10])
+    chosen = rng.choice(len(SMALL_ERRORS), rng.integers(FEWEST_ERRORS, len(SMALL_ERRORS) + 1), replace=False)
+    return {one.name: float(one.typical * rng.uniform(*DRAWN) * (rng.choice((-1.0, 1.0)) if one.signed else 1.0))
+            for one in (SMALL_ERRORS[k] for k in sorted(chosen))}
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
     intake, among, false_alarm = fitted.model.data, fitted.model.catalogue, search.false_alarm
     lacks, topspin, doubted = untested(dataset), _has_topspin(dataset), _improbable(fitted, steps)
     believed = fitted.scores.shared_only()
-    best = next((step.refit.scores for step in reversed(steps) if not step.unknown), believed)
+    best = next((step.refit.scores for step in reversed(steps) if not step.unknown or step.withheld), believed)
     at_limit = {name: value for name, value in stopped(believed, among).items()
                 if not name.startswith("scatter.")}                      # scatters take what is missing
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
@@ -155,8 +155,7 @@ def _beside_rivals(what: tuple[Named, ...], rivals: Sequence[NumberChange], amon
 def _changed(one: NumberChange, among: Catalogue) -> Named:
     name, _, parameter = one.name.partition(".")
     (term,) = among.find([name])
-    half = Z90 * one.sd
-    interval = parts.Interval(one.change, one.sd, one.change - half, one.change + half, one.unit)
+    interval = interval_about(one.change, one.sd, one.unit)
     return Named(name, one.probability, {parameter: interval}, term.sentence, term.stage)
 
 
@@ -235,28 +234,26 @@ def _unknown(step: Step) -> Unknown | None:
 
 
 def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
-    """One name with its amplitude: refitted where it was among the likely, one step from nothing otherwise."""
+    """One name with its size over all hypotheses that have it; of a number that was believed, its change and value."""
     term_name, _, parameter = name.partition(".")
     (term,) = step.fitted.model.catalogue.find([term_name])
-    column = step.fitted.scores.columns[step.fitted.scores.index(name)]
-    found, before = step.naming.refits.get(name), _believed_before(step, name)
-    if found is not None:
-        amplitude, sd, start = float(found.amplitude[0]), float(found.sd[0]), float(found.value[0] - found.amplitude[0])
-    else:
-        candidate = next(c for c in step.naming.candidates if c.name == name)
-        information = candidate.information + column.usual**-2.0
-        amplitude, sd = candidate.amplitude * candidate.information / information, information**-0.5
-        start = 0.0 if before is None else before
-    mean, sd, low, high = posterior_amplitude(step.fitted, name, amplitude, sd)
-    interval = parts.Interval(start + mean, sd, start + low, start + high, column.unit)
-    return Named(term_name, probability[name], {parameter: interval}, term.sentence, column.stage, before)
+    column, naming = step.fitted.scores.columns[step.fitted.scores.index(name)], step.naming
+    sizes = naming.sizes.get(name) or (naming.alone(step.fitted, name),)
+    size = parts.Interval(*posterior_amplitude(step.fitted, name, sizes), column.unit)
+    before, found = step.fitted.model.layout.believed.get(name), naming.refits.get(name)
+    if before is None:
+        return Named(term_name, probability[name], {parameter: size}, term.sentence, column.stage)
+    now, sd = before + size.value, size.sd
+    if found is not None:             # the new value may be known where the old one was not, nor the change
+        now = float(found.value[0] + size.value - found.amplitude[0])
+        sd = float(np.sqrt(found.scores.covariance[0, 0] + max(sd**2 - found.sd[0]**2, 0.0)))
+    return Named(term_name, probability[name], {parameter: interval_about(now, sd, column.unit)}, term.sentence,
+                 column.stage, before, size)
 
 
-def _believed_before(step: Step, name: str) -> float | None:
-    """The belief's value of a number that may have changed; None of one that it lacks."""
-    layout = step.fitted.model.layout
-    place = next((k for k, column in enumerate(layout.columns[layout.first_shared:]) if column.name == name), None)
-    return None if place is None else float(layout.centre[place])
+def interval_about(value: float, sd: float, unit: str) -> parts.Interval:
+    """Return the 90 % interval of a normal number."""
+    return parts.Interval(value, sd, value - Z90 * sd, value + Z90 * sd, unit)
 
 
 def _results(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: float) -> dict[str, TestResult]:

@@ -78,6 +78,26 @@ def say_effect(term: str, interval: Interval, sentence: str, among: Catalogue | 
     return (phrase.less if less else phrase.more).format(size)
 
 
+def say_name(one: Named, among: Catalogue | None = None, topspin: bool = False) -> str:
+    """The effect of a name as `say_effect` has it; of a number that was believed first the change, then what it is now.
+    """
+    value = next(iter(one.parameters.values()))
+    said = say_effect(one.term, value, one.sentence, among, topspin)
+    if isinstance(one.change, UnsetType):
+        return said
+    before = size_of(one.term, one.believed or 0.0, value.unit, among)
+    return f"{plain(one.term, among)} changed by {interval_of(one.term, one.change, among)} from {before}; now {said}"
+
+
+def interval_of(name: str, size: Interval, among: Catalogue | None = None) -> str:
+    """A term's size or change with its sign and 90 % interval, in the unit of `size_of`; of a rate in its own."""
+    phrase, (factor, unit), per = phrase_of(name, among), scale_of(size.unit), ""
+    if phrase is not None and not phrase.rate:
+        factor, unit, per = phrase.factor, phrase.unit, phrase.per
+    low, high = sorted((size.low90 * factor, size.high90 * factor))
+    return _interval(size.value * factor, low, high, unit) + per
+
+
 def _interval(value: float, low: float, high: float, unit: str) -> str:
     said, lowest, highest = _together(value, low, high)
     return f"{said}{unit} (90 %: {lowest} to {highest}{unit})"
@@ -154,7 +174,7 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
     names = leading.set or (what[0].term,)
     total = sum(one.probability for one in what if one.term in names)
     members = [one for one in what if one.term in names]
-    likeliest = _effect(members[0], among, topspin)
+    likeliest = say_name(members[0], among, topspin)
     form = form_of([one.probability for one in members] + [0.0] * (len(names) - len(members)))
     if form == "one":
         said = f"{_missing(believed, among)}: {likeliest}."
@@ -214,7 +234,7 @@ def besides(further: FoundEffect, then: str, among: Catalogue | None = None, top
         return f" Something more remains, too little to be named: perhaps {either(vague)}."
     others = [plain(one.term, among) for one in in_set if one is not clear[0]][:LISTED]
     instead = f"; or {either(others)}" if others else ""
-    return f" {then}, what is left looks most as if {_effect(clear[0], among, topspin)}{instead}."
+    return f" {then}, what is left looks most as if {say_name(clear[0], among, topspin)}{instead}."
 
 
 SAME_TRACKER = (" The tracker's calibration as fitted was compared with the earlier session's: beside what is named "
@@ -223,7 +243,7 @@ SAME_TRACKER = (" The tracker's calibration as fitted was compared with the earl
 
 def say_tracker(moved: FoundEffect, together: Sequence[Named], p_value: float, among: Catalogue | None = None) -> str:
     """A change of the tracker's calibration since the earlier session: the numbers that changed, then the others."""
-    likeliest = either([_effect(one, among, False) for one in together], "and")
+    likeliest = either([say_name(one, among, False) for one in together], "and")
     others = [f"{plain(one.term, among)} ({one.probability:.0%})" for one in moved.what if one not in together]
     instead = f"; instead it may be {either(others)}" if others else ""
     return (f" The tracker is not calibrated as in the earlier session (p = {p_value:.2g}): compared with then, "
@@ -271,8 +291,7 @@ def say_points(adoption: findings.Adoption) -> str:
 
 def _clear(further: FoundEffect) -> list[Named]:
     """Of its set, those whose sign is sure."""
-    sizes = [(one, next(iter(one.parameters.values()))) for one in further.what if one.term in (further.set or ())]
-    return [one for one, size in sizes if size.low90 * size.high90 > 0.0]
+    return [one for one in further.what if one.term in (further.set or ()) and one.size.low90 * one.size.high90 > 0.0]
 
 
 def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading: FoundEffect,
@@ -296,7 +315,7 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading
     nearest = ""
     if leading.what and not withheld:
         nearest = (f" The nearest name is {plain(leading.what[0].term, among)}, which {falls_short}; by it "
-                   f"{_effect(leading.what[0], among, False)}.")
+                   f"{say_name(leading.what[0], among, False)}.")
     return f"{said}{_looks(leading.unknown, place)}{stage}.{nearest}{_gained(fit)}{_chance(p_value)}"
 
 
@@ -473,12 +492,6 @@ def _gained(fit: FitSummary) -> str:
     said = (f"scores worse ({score}): do not adopt it" if interval[1] < 0.0 else
             f"is not clearly better ({score})" if interval[0] <= 0.0 else f"{gain} ({score}){but}")
     return f" On hold-out shots the corrected simulation {said}."
-
-
-def _effect(one: Named, among: Catalogue | None, topspin: bool) -> str:
-    interval = next(iter(one.parameters.values()))
-    said = say_effect(one.term, interval, one.sentence, among, topspin)
-    return said if one.believed is None else f"{said}, and not {size_of(one.term, one.believed, interval.unit, among)}"
 
 
 def _missing(believed: tuple[str, ...], among: Catalogue | None) -> str:

@@ -20,7 +20,7 @@ from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.next_steps import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report import pictures
-from truearc.sim.discover.report.finding_text import WORDING, in_words, plain, say_effect, size_of
+from truearc.sim.discover.report.finding_text import WORDING, in_words, plain, size_of
 from truearc.sim.discover.report.pictures import View, flight_png, halves, residual_figure, sight_png, views_of
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
@@ -378,8 +378,7 @@ def _names(finding: FindingRecord, among: Catalogue) -> str:
     """Names with their probabilities as bars; members of the set in another colour."""
     members = set(finding.set or ())
     rows = [_bar(plain(one.term, among), one.probability, "set" if one.term in members else "", one.term in members,
-                 _capital(say_effect(one.term, next(iter(one.parameters.values())), one.sentence, among,
-                             finding.data.topspin)) + ".")
+                 _capital(wording.say_name(one, among, finding.data.topspin)) + ".")
             for one in finding.what if one.probability >= 0.005 or one.term in members]
     rest = finding.unexplained
     if not isinstance(rest, float):   # of an earlier version

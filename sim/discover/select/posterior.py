@@ -15,17 +15,18 @@ does that of a competing unexplained change.
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import block_diag
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from truearc.sim.discover.detect.battery import ReferenceSession
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
 from truearc.sim.discover.select import terms
 from truearc.sim.infer.belief import Curve
-from truearc.sim.infer.fit import climb
+from truearc.sim.infer.fit import amplitudes, climb
 from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.infer.likelihood.layout import Layout
 from truearc.sim.infer.likelihood.score_table import Array, Column, PlaneScores, ScoreTable, fit_linear
@@ -78,16 +79,16 @@ def _plane(plane: PlaneScores | None, own: Int[Array, " c"], times: Float[Array,
                    log_spread_by=plane.log_spread_by[:, own] * mine)
 
 
-def log_evidence(table: ScoreTable) -> tuple[float, Float[Array, " P"], Float[Array, " P"]]:
+def log_evidence(table: ScoreTable) -> tuple[float, Float[Array, " P"], Float[Array, "P P"]]:
     """Return (log evidence in nats of a table whose columns are all shared, up to a constant of the scaffold; the
-    likeliest change [P]; its standard deviations [P])."""
+    likeliest change [P]; its covariance [P, P])."""
     rows = np.ones(len(table.rows), dtype=bool)
     top = fit_linear(table, rows)
     change = np.tile(top, (len(rows), 1))
     value = table.gain(change).sum() + table.pull @ top - 0.5 * top @ table.precision @ top
     info = table.deal.total(table.slopes_at(change)[1]) + table.precision
     volume = np.linalg.slogdet(table.precision)[1] - np.linalg.slogdet(info)[1]
-    return float(value + 0.5 * volume), top, np.sqrt(np.maximum(np.diag(invert(info)), 0.0))
+    return float(value + 0.5 * volume), top, invert(info)
 
 
 def process_shapes(values: Float[Array, " n"], length: float,
@@ -198,16 +199,17 @@ def climb_with(fitted: LauncherFit, term: str, values: dict[str, float], curve: 
     return model, max((climb(bare, start) for start in starts), key=lambda found: found.log_posterior)
 
 
-def nats_flown(fitted: LauncherFit, part: Part) -> float | None:
-    """Return the log evidence of a part against none, at the best fit of a simulation with it (Laplace); None if no
-    simulation of single shots can represent it."""
+def flown(fitted: LauncherFit, part: Part) -> LauncherFit | None:
+    """Return the best fit of a simulation with a part, its log evidence against none (Laplace); None if no simulation
+    of single shots can represent it."""
     taken = term_of(fitted.scores.columns[part.column], fitted.model.layout)
     shapes = part.shapes.shape[1]
     if taken is None or shapes > KNOTS:
         return None
     by = np.zeros((len(part.shapes), KNOTS + 1))       # as many for all, so that compiled code is shared
     by[:, :shapes] = part.shapes * part.sd / find_nameless(taken[0]).usual
-    return fitted.nats_for(climb_with(fitted, *taken, Curve((0.0,) * KNOTS, 0.0), by)[1])
+    top = climb_with(fitted, *taken, Curve((0.0,) * KNOTS, 0.0), by)[1]
+    return replace(top, log_evidence=fitted.nats_for(top))
 
 
 # Chosen: two effects a third as likely as one, something unexplained in every fourth or fifth case. How often
@@ -224,7 +226,8 @@ PAIRS, GUESS = 4, 0.04                # refitted; share of its nats by which a p
 FLOWN, MINOR = 4, 0.05                # unexplained changes that are flown, and the probability from which one is
 BALLS = "ball_id"                     # balls differ; sessions may differ by chance alone
 Shapes = tuple[Float[Array, "n _"], Float[Array, "m _"] | None]     # here, and the same at home
-Guesses = dict[frozenset[str], tuple[float, tuple[str, str], tuple[float, float]]]   # pair -> nats, names, amplitudes
+Sizes = tuple[terms.Size, ...]
+Guesses = dict[frozenset[str], tuple[float, tuple[str, str], Sizes]]     # pair -> nats, names, their sizes
 Bases = dict[tuple[str, ...], tuple[LauncherFit, float]]     # names -> fit with these, and its nats
 
 
@@ -242,12 +245,14 @@ class Family:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Terms by their column names, and an unexplained change or None."""
+    """Terms by their column names, each with its size if they are what is missing, and an unexplained change or None.
+    """
 
     names: tuple[str, ...]
     family: Family | None
     nats: float
     log_prior: float
+    sizes: Sizes = ()
 
 
 @dataclass(frozen=True)
@@ -256,7 +261,7 @@ class Hypotheses:
 
     hypotheses: tuple[Hypothesis, ...]
     probability: Float[Array, " h"]
-    pairs: dict[tuple[str, str], LauncherFit]
+    pairs: dict[tuple[str, ...], LauncherFit]
 
     def unexplained(self) -> float:
         """Probability of an unexplained change, alone or beside a term."""
@@ -272,6 +277,16 @@ class Hypotheses:
             for name in one.names if beside or kind_of(one) != "both" else ():
                 found[name] = found.get(name, 0.0) + float(p)
         return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+    def sizes(self) -> dict[str, Sizes]:
+        """Return the sizes that each name has, as likely as the hypotheses are given that it is there."""
+        found: dict[str, dict[terms.Size, float]] = {}
+        for one in self.hypotheses:
+            for name, size in zip(one.names, one.sizes, strict=True):
+                of_name = found.setdefault(name, {})
+                of_name[size] = float(np.logaddexp(of_name.get(size, -np.inf), one.nats + one.log_prior))
+        return {name: tuple(size._replace(probability=p) for size, p in zip(
+            sizes, softmax(list(sizes.values())).tolist(), strict=True)) for name, sizes in found.items()}
 
     def held_by(self, names: Collection[str], beside: bool = False) -> float:
         """Return the probability that one of these is among what is missing; `beside` as above."""
@@ -307,23 +322,24 @@ def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covari
     """Compute the posterior over what is missing in `fitted`, whose single terms `naming` has ranked; or over what has
     changed since `home`, whose own misfit an unexplained change must exceed."""
     visible = [c for c in naming.candidates if c.visible]
-    singles = {name: nats + range_nats(fitted, naming, name) for name, nats in naming.nats.items()
-               if nats > terms.NEVER}
+    usual = {one.name: fitted.scores.columns[one.column].usual for one in visible}
+    alone = {name: naming.alone(fitted, name) for name, nats in naming.nats.items() if nats > terms.NEVER}
+    singles = {name: naming.nats[name] + (terms.nats_in_range(fitted, name, *size[:2], usual[name])
+                                          if name in naming.refits else 0.0) for name, size in alone.items()}
     top = max(singles.values(), default=0.0)
     single_prior = np.log(SHARES["one"] / len(visible))
-    found = [Hypothesis((name,), None, nats, single_prior) for name, nats in singles.items()]
+    found = [Hypothesis((name,), None, nats, single_prior, (alone[name],)) for name, nats in singles.items()]
     families = families_of(fitted.scores, covariates, factors, home)
     count = max(len(families), 1)
     bases: Bases = {(): (fitted, 0.0)}
     null = log_evidence(fitted.scores.shared_only())[0]
-    found += [Hypothesis((), one, nats, np.log(SHARES["unexplained"] / count))
-              for one, nats in _climbed(fitted.scores, families, null)]
+    found += [Hypothesis((), one, one.nats, np.log(SHARES["unexplained"] / count))
+              for one, _ in _climbed(fitted, families, null)]
     pair_prior = np.log(SHARES["two"] / max(0.5 * len(visible) * (len(visible) - 1), 1.0))
     both_prior = np.log(SHARES["both"] / (count * len(visible)))
     leaders = [name for name in sorted(naming.refits, key=lambda name: -singles.get(name, terms.NEVER))[:LEADERS]
                if singles.get(name, terms.NEVER) > top - max(WITHIN, SHARE * top)]
     guesses = _at_once(fitted, visible, null)
-    usual = {one.name: fitted.scores.columns[one.column].usual for one in visible}
     for first in leaders:
         base = fitted.beside(naming.refits[first])
         bases[(first,)] = base, singles[first]
@@ -331,26 +347,25 @@ def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covari
         for second in sorted((c for c in terms.one_step(base.scores)[0] if c.visible), key=lambda c: -c.nats)[:SECONDS]:
             own = base.scores.columns[second.column]
             part = Part(second.column, np.ones((len(base.scores.rows), 1)), np.array([own.usual]))
-            value, change, sd = log_evidence(with_parts(base.scores, [part]))
-            known = nats_known(fitted, second.name, float(change[0]), float(sd[0]), own.usual)
+            value, sizes = _sized(base, (first,), [part])
+            known = nats_known(fitted, second.name, *sizes[0][:2], own.usual)
             nats = singles[first] + value - floor + known
             both = frozenset((first, second.name))
             if nats > guesses.get(both, (-np.inf,))[0]:
-                guesses[both] = nats, (first, second.name), (float(naming.refits[first].amplitude[0]),
-                                                             float(change[0]))
+                guesses[both] = nats, (first, second.name), (sizes[1], _told(fitted, second.name, sizes[0]))
         own_factors = [(one, many) for one, many in _factors_of(base.scores, factors) if one.name == BALLS]
         varied = [_family(Projector(base.scores), base.scores.index(first), first, usual[first], one, many)
                   for one, many in own_factors]
         varies_prior = np.log(SHARES["varies"] / (len(visible) * max(len(own_factors), 1)))
-        found += [Hypothesis((first,), one, singles[first] + nats, varies_prior)
-                  for one, nats in _climbed(base.scores, varied, floor)]
-        found += [Hypothesis((first,), one, singles[first] + nats, both_prior)
-                  for one, nats in _climbed(base.scores, families_of(base.scores, covariates, factors, home), floor)]
+        for prior, many in ((varies_prior, varied), (both_prior, families_of(base.scores, covariates, factors, home))):
+            found += [Hypothesis((first,), one, singles[first] + one.nats, prior, sizes or (alone[first],))
+                      for one, sizes in _climbed(base, many, floor, (first,))]
     pairs = _refitted(fitted, guesses, top + single_prior - pair_prior - WITHIN)
-    found += [Hypothesis(names, None, pairs[names][1] if names in pairs else nats, pair_prior)
-              for nats, names, _ in guesses.values()]
+    found += [Hypothesis(names, None, nats, pair_prior, sizes) for key, (nats, names, sizes) in guesses.items()
+              if key not in pairs]
+    found += [Hypothesis(one.names, None, nats, pair_prior, terms.sizes_of(one)) for one, nats in pairs.values()]
     found = _flown(found, bases)
-    return Hypotheses(tuple(found), _probability(found), {names: one for names, (one, _) in pairs.items()})
+    return Hypotheses(tuple(found), _probability(found), {one.names: one for one, _ in pairs.values()})
 
 
 def _probability(found: Sequence[Hypothesis]) -> Float[Array, " h"]:
@@ -371,13 +386,13 @@ def _flown(found: Sequence[Hypothesis], bases: Bases) -> list[Hypothesis]:
             break
         one, (base, floor) = table[k], bases[table[k].names]
         assert one.family is not None
-        flown = nats_flown(base, one.family.part)
-        guessed = one.nats - floor - one.family.spread
-        if flown is None or guessed <= 0.0:
+        top, guessed = flown(base, one.family.part), one.nats - floor - one.family.spread
+        if top is None or guessed <= 0.0:
             true[k] = 1.0
             continue
-        true[k] = flown / guessed
-        found[k] = replace(one, nats=floor + flown + one.family.spread)
+        true[k] = top.log_evidence / guessed
+        found[k] = replace(one, nats=floor + top.log_evidence + one.family.spread, sizes=_sizes(
+            top.model.layout, one.names, top.scores.point, top.scores.covariance))
         share = float(np.clip(np.mean([true[n] for n in true if table[n].names == one.names]), 0.0, 1.0))
         for n in able:
             if n != k and table[n].names == one.names and table[n].nats > floor:
@@ -402,31 +417,30 @@ def _at_once(fitted: LauncherFit, visible: Sequence[terms.Candidate], null: floa
     for k in np.argsort(-(fits - np.log(det)))[:SECONDS].tolist():
         pair = (first[k], second[k])
         names = evidence.columns[columns[pair[0]]].name, evidence.columns[columns[pair[1]]].name
-        table = with_parts(evidence, [Part(int(columns[one]), ones, usual[[one]]) for one in pair])
-        value, change, sd = log_evidence(table)
-        nats = value - null + sum(nats_known(fitted, name, float(change[n]), float(sd[n]), float(usual[pair[n]]))
-                                  for n, name in enumerate(names))
-        found[frozenset(names)] = nats, names, (float(change[0]), float(change[1]))
+        value, sizes = _sized(fitted, (), [Part(int(columns[one]), ones, usual[[one]]) for one in pair])
+        nats = value - null + sum(nats_known(fitted, name, *size[:2], float(usual[k]))
+                                  for k, name, size in zip(pair, names, sizes, strict=True))
+        found[frozenset(names)] = nats, names, tuple(map(partial(_told, fitted), names, sizes))
     return found
 
 
-def _refitted(fitted: LauncherFit, guesses: Guesses, least: float) -> dict[tuple[str, str], tuple[LauncherFit, float]]:
+def _refitted(fitted: LauncherFit, guesses: Guesses, least: float) -> dict[frozenset[str], tuple[LauncherFit, float]]:
     """{names: (refit, nats)} of pairs, the likeliest first, until no guess may be as likely as one that is refitted."""
     usual = {column.name: column.usual for column in fitted.scores.columns[:fitted.scores.first_shared]}
     left = sorted(guesses.values(), reverse=True)
-    found: dict[tuple[str, str], tuple[LauncherFit, float]] = {}
+    found: dict[frozenset[str], tuple[LauncherFit, float]] = {}
     while left and len(found) < PAIRS:
         best = max([least, *(nats for _, nats in found.values())])
         if left[0][0] <= best - GUESS * abs(best):
             break
-        _, names, start = left.pop(0)
-        one, nats = fitted.with_terms(names, np.array(start)), terms.NEVER
+        _, names, sizes = left.pop(0)
+        one, nats = fitted.with_terms(names, np.array([size.amplitude for size in sizes])), terms.NEVER
         if terms.is_possible(one, *(usual[name] for name in one.names)):
             nats = one.log_evidence + sum(
                 terms.nats_in_range(fitted, name, float(a), float(sd), usual[name])
                 + terms.nats_measured(fitted.model.layout.measured, name, 0.0, usual[name])     # the rest is a prior
                 for name, a, sd in zip(one.names, one.amplitude, one.sd, strict=True))
-        found[names] = one, nats
+        found[frozenset(names)] = one, nats
     return found
 
 
@@ -434,15 +448,6 @@ def nats_known(fitted: LauncherFit, name: str, amplitude: float, sd: float, usua
     """Return nats for an amplitude from other knowledge than the shots: its range, and its measurement."""
     return (terms.nats_in_range(fitted, name, amplitude, sd, usual)
             + terms.nats_measured(fitted.model.layout.measured, name, amplitude, sd))
-
-
-def range_nats(fitted: LauncherFit, naming: terms.Naming, name: str) -> float:
-    """Return nats for truncating the prior of a refitted name's amplitude at the parameter's range."""
-    found = naming.refits.get(name)
-    if found is None:
-        return 0.0
-    usual = fitted.scores.columns[fitted.scores.index(name)].usual
-    return terms.nats_in_range(fitted, name, float(found.amplitude[0]), float(found.sd[0]), usual)
 
 
 def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor],
@@ -500,10 +505,32 @@ def _family(projector: Projector, number: int, name: str, usual: float, what: Co
     return Family(name, what, Part(number, best_shapes, np.full(best_shapes.shape[1], sd)), mean, mean - alone)
 
 
-def _climbed(evidence: ScoreTable, families: Sequence[Family], null: float) -> list[tuple[Family, float]]:
-    """The families with their nats, the likeliest climbed to their top."""
-    found = [(one, one.nats) for one in families[FAMILIES:]]
+def _climbed(base: LauncherFit, families: Sequence[Family], null: float,
+             names: tuple[str, ...] = ()) -> list[tuple[Family, Sizes]]:
+    """The families, the likeliest climbed to their top, with the sizes of these names there."""
+    found: list[tuple[Family, Sizes]] = [(one, ()) for one in families[FAMILIES:]]
     for one in families[:FAMILIES]:
-        nats = log_evidence(with_parts(evidence, [one.part]))[0] - null + one.spread
-        found.append((replace(one, nats=nats), nats))
+        value, sizes = _sized(base, names, [one.part])
+        found.append((replace(one, nats=value - null + one.spread), sizes[len(sizes) - len(names):]))
     return found
+
+
+def _sized(base: LauncherFit, names: tuple[str, ...], parts: Sequence[Part]) -> tuple[float, Sizes]:
+    """(log evidence of parts beside a fit; their coefficients, then the amplitudes of shared columns)."""
+    table = with_parts(base.scores, parts)
+    value, change, covariance = log_evidence(table)
+    own = len(change) - len(base.model.layout.precision)
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return value, (*map(terms.Size, change[:own].tolist(), sd[:own].tolist()), *_sizes(
+        base.model.layout, names, (table.point + change)[own:], covariance[own:, own:]))
+
+
+def _sizes(layout: Layout, names: tuple[str, ...], point: Float[Array, " p"], covariance: Float[Array, "p p"]) -> Sizes:
+    return tuple(map(terms.Size, *(one.tolist() for one in amplitudes(layout, names, point, covariance))))
+
+
+def _told(fitted: LauncherFit, name: str, size: terms.Size) -> terms.Size:
+    """The size after its measurement without shots, if there is one."""
+    value, sd = fitted.model.layout.measured.get(name, (0.0, np.inf))
+    share = size.sd**2 / (size.sd**2 + sd**2)
+    return terms.Size(size.amplitude + share * (value - size.amplitude), size.sd * (1.0 - share)**0.5)

@@ -9,7 +9,7 @@ A term's evidence is computed with that normal prior. Its own prior mixes severa
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,16 +17,17 @@ from scipy.special import log_ndtr, logsumexp, ndtr
 from scipy.stats import norm
 
 from truearc.sim.discover.detect.battery import LEAST_SHARE
+from truearc.sim.infer.fit import amplitudes
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.layout import Measured
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter, find_terms
-from truearc.sim.physics.term import Term
 from truearc.sim.printed import Progress
 
 # Measured at L1 (seed 701), with ranges and sides of the terms: wrong single names 1 of 16 instead of 3, truth in the
 # set .93 instead of .87 of 61 (git show archive-1:archive/measurements.md)
 TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # of a term's amplitude, by the usual one
+PLACES = 801                          # at which its density is evaluated
 
 
 def nats_measured(measured: Measured, column: str, amplitude: float, sd: float) -> float:
@@ -53,21 +54,36 @@ def nats_in_range(fitted: LauncherFit, name: str, amplitude: float, sd: float, u
     return float(logsumexp(density) + np.log(places[1] - places[0]))
 
 
-def posterior_amplitude(fitted: LauncherFit, name: str, amplitude: float,
-                        sd: float) -> tuple[float, float, float, float]:
-    """Return mean, standard deviation and ends of the 90 % interval of an amplitude, under its own prior.
+class Size(NamedTuple):
+    """An amplitude with its standard deviation, under the normal prior of the usual size, and how likely it is to be
+    that one; several, by what else is there."""
 
-    `amplitude` and `sd` were computed with the normal prior of the usual size, which it replaces.
-    """
+    amplitude: float
+    sd: float
+    probability: float = 1.0
+
+
+def sizes_of(found: LauncherFit) -> tuple[Size, ...]:
+    """Return the sizes of the names of a refit."""
+    return tuple(map(Size, found.amplitude.tolist(), found.sd.tolist()))
+
+
+def posterior_amplitude(fitted: LauncherFit, name: str, sizes: Sequence[Size]) -> tuple[float, float, float, float]:
+    """Return mean, standard deviation and ends of the 90 % interval of an amplitude, under its own prior, which
+    replaces the normal one, and over all its sizes."""
     usual = fitted.scores.columns[fitted.scores.index(name)].usual
-    ends = _ends(fitted, name)
-    if not ends[0] < amplitude < ends[1] or sd >= usual:
-        low, high = norm.interval(0.9, amplitude, sd)
-        return amplitude, sd, float(low), float(high)
-    places, density = _density(fitted, name, amplitude, sd, usual)
-    weight = np.exp(density - logsumexp(density))
+    ends, parts = _ends(fitted, name), []
+    for amplitude, sd, probability in sizes:
+        if ends[0] < amplitude < ends[1] and sd < usual:
+            places, density = _density(fitted, name, amplitude, sd, usual)
+        else:
+            places = np.linspace(amplitude - 8.0 * sd, amplitude + 8.0 * sd, PLACES)
+            density = norm.logpdf(places, amplitude, sd)
+        parts.append((places, probability * np.exp(density - logsumexp(density))))
+    places, weight = np.concatenate(parts, axis=1)
+    order, weight = np.argsort(places), weight / weight.sum()
     mean = float(weight @ places)
-    low, high = np.interp((0.05, 0.95), np.cumsum(weight), places)
+    low, high = np.interp((0.05, 0.95), np.cumsum(weight[order]), places[order])
     return mean, float(np.sqrt(weight @ (places - mean)**2)), float(low), float(high)
 
 
@@ -76,48 +92,41 @@ def own_size(fitted: LauncherFit, found: LauncherFit, number: int) -> float:
     prior."""
     name, amplitude, evidence = found.names[number], float(found.amplitude[number]), found.scores
     usual = fitted.scores.columns[fitted.scores.index(name)].usual
-    information = 1.0 / evidence.covariance[number, number]
+    information = float(amplitudes(found.model.layout, (name,), evidence.point, evidence.covariance)[1][0])**-2.0
     known = information - usual**-2.0
     if known <= 0.0 or amplitude == 0.0 or name in fitted.model.layout.measured:
         return usual
-    share = posterior_amplitude(fitted, name, amplitude, float(found.sd[number]))[0] * known / (amplitude * information)
+    own = posterior_amplitude(fitted, name, [Size(amplitude, float(found.sd[number]))])[0]
+    share = own * known / (amplitude * information)
     size = np.sqrt(max(share, 0.0) / (known * max(1.0 - share, 1e-9)))
     return float(np.clip(size, min(TERM_SIZES) * usual, max(TERM_SIZES) * usual))
 
 
 def _ends(fitted: LauncherFit, name: str) -> tuple[float, float]:
     """Of the range of an amplitude: of a believed number, of its change."""
-    parameter = find_parameter(name, fitted.model.catalogue)
-    shared = [column.name for column in fitted.model.layout.columns[fitted.model.layout.first_shared:]]
-    centre = float(fitted.model.layout.centre[shared.index(name)]) if name in shared else 0.0
-    return parameter.low - centre, parameter.high - centre
+    parameter, before = find_parameter(name, fitted.model.catalogue), fitted.model.layout.believed.get(name, 0.0)
+    return parameter.low - before, parameter.high - before
 
 
 def _density(fitted: LauncherFit, name: str, amplitude: float, sd: float,
              usual: float) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
-    """Places in an amplitude's range and the log density there, by its own prior: that of its evidence taken out."""
+    """Places in an amplitude's range and the log density there, by its own prior in place of that of its evidence: as
+    large as usual, or half, twice or four times as large; the change of a believed number has no side and no law."""
     ends, term = _ends(fitted, name), find_terms((name.partition(".")[0],), fitted.model.catalogue)[0]
-    changed = name in [column.name for column in fitted.model.layout.columns[fitted.model.layout.first_shared:]]
-    places = np.linspace(max(ends[0], amplitude - 8.0 * sd), min(ends[1], amplitude + 8.0 * sd), 801)
-    by_shots = norm.logpdf(places, amplitude, sd) - norm.logpdf(places, 0.0, usual)
-    return places, by_shots + _own_prior(term, places, ends, usual, changed)  # a believed number has no side and no law
-
-
-def _own_prior(term: Term, places: Float[Array, " k"], ends: tuple[float, float], usual: float,
-               changed: bool) -> Float[Array, " k"]:
-    """Log density [k] of an amplitude inside its range: as large as usual, or half, twice or four times as large."""
+    changed = name in fitted.model.layout.believed
     law = term.law_sd if not changed else None
     mean, sizes = (0.0, usual * np.array(TERM_SIZES)) if law is None else (1.0, np.array([law]))
     side = 0.5 if changed or law is not None else term.positive
+    places = np.linspace(max(ends[0], amplitude - 8.0 * sd), min(ends[1], amplitude + 8.0 * sd), PLACES)
 
     def held(low: float, high: float) -> Float[Array, " sizes"]:
         return np.asarray(ndtr((high - mean) / sizes) - ndtr((low - mean) / sizes))
 
     whole = 2.0 * ((1.0 - side) * held(min(ends[0], 0.0), min(ends[1], 0.0))
                    + side * held(max(ends[0], 0.0), max(ends[1], 0.0))).mean()
-    density = norm.logpdf(places[:, None], mean, sizes)
+    own = logsumexp(norm.logpdf(places[:, None], mean, sizes), axis=1) - np.log(len(sizes) * max(whole, 1e-300))
     weight = np.where(places > 0.0, 2.0 * side, 2.0 * (1.0 - side))
-    return np.asarray(logsumexp(density, axis=1) - np.log(len(sizes)) + np.log(weight) - np.log(max(whole, 1e-300)))
+    return places, norm.logpdf(places, amplitude, sd) - norm.logpdf(places, 0.0, usual) + own + np.log(weight)
 
 
 def by_own_prior(fitted: LauncherFit, found: LauncherFit,
@@ -174,7 +183,8 @@ class Naming:
 
     kin: of each refitted name, those that one step cannot tell from it. alike: of the name with most nats, those that a
     true fit cannot tell from it, either. inclusion: probability that a name is among what is missing, where hypotheses
-    of more than one thing were weighed; None: exactly one of the names is missing.
+    of more than one thing were weighed; None: exactly one of the names is missing. sizes: of each name, those that it
+    has in these hypotheses.
     """
 
     candidates: tuple[Candidate, ...]
@@ -183,6 +193,7 @@ class Naming:
     alike: tuple[str, ...] = ()
     kin: dict[str, tuple[str, ...]] = field(default_factory=dict)
     inclusion: Mapping[str, float] | None = None
+    sizes: Mapping[str, Sequence[Size]] = field(default_factory=dict)
 
     @cached_property
     def probability(self) -> dict[str, float]:
@@ -194,6 +205,13 @@ class Naming:
         if self.inclusion is None:
             return alone
         return _likeliest_first({name: self.inclusion.get(name, 0.0) for name in alone})
+
+    def alone(self, fitted: LauncherFit, name: str) -> Size:
+        """Return the size of a name if nothing else is missing: refitted where it was among the likely, one step from
+        nothing otherwise."""
+        if name in self.refits:
+            return sizes_of(self.refits[name])[0]
+        return shrunk(next(one for one in self.candidates if one.name == name), fitted.scores)
 
     @property
     def ranked(self) -> list[str]:
@@ -301,7 +319,9 @@ def _refit(fitted: LauncherFit, candidate: Candidate, refits: dict[str, Launcher
            start: float | None = None) -> None:
     """Refit one name into both, from one step's amplitude unless a start is given."""
     name = candidate.name
-    start = tame(candidate, fitted.scores) if start is None else start
+    if start is None:                 # no larger than three usual ones, the largest that SCAN flies
+        most = SCAN[-1] * fitted.scores.columns[candidate.column].usual
+        start = float(np.clip(shrunk(candidate, fitted.scores).amplitude, -most, most))
     refits[name] = fitted.with_terms((name,), np.array([start]))
     nats[name] = _nats(fitted, candidate, refits[name])
 
@@ -340,12 +360,10 @@ def is_possible(found: LauncherFit, *usual: float) -> bool:
                  & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + spare)).all())
 
 
-def tame(candidate: Candidate, evidence: ScoreTable) -> float:
-    """Return the one-step amplitude, shrunk towards zero by its prior, and no larger than three usual ones, the largest
-    that SCAN flies."""
-    usual = evidence.columns[candidate.column].usual
-    shrunk = candidate.amplitude * candidate.information / (candidate.information + usual**-2.0)
-    return float(np.clip(shrunk, -3.0 * usual, 3.0 * usual))
+def shrunk(candidate: Candidate, evidence: ScoreTable) -> Size:
+    """Return the one-step amplitude, shrunk towards zero by its prior."""
+    precision = candidate.information + evidence.columns[candidate.column].usual**-2.0
+    return Size(candidate.amplitude * candidate.information / precision, precision**-0.5)
 
 
 def efficient(evidence: ScoreTable, columns: Int[Array, " K"],

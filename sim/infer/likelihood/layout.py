@@ -58,8 +58,9 @@ class Layout:
     columns: free, terms, then shared. source [P]: for each column its input of the chain (slot, deviate or push), or
     -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
     the logs of SCATTERS, in that order, -1 where not fitted. precision [p, p], centre [p]: the shared columns' prior.
-    usual [slots]: the chain's parameters by default. measured: external measurements of candidate terms. see: flies the
-    chain in place of see_slopes. steady: the spread of heights at the plane is taken not to change with the inputs.
+    changes: as of truearc.sim.infer.model.Columns. usual [slots]: the chain's parameters by default. measured: external
+    measurements of candidate terms. see: flies the chain in place of see_slopes. steady: the spread of heights at the
+    plane is taken not to change with the inputs.
     """
 
     chain: Chain
@@ -74,6 +75,7 @@ class Layout:
     measured: Measured = field(default_factory=dict)
     see: Callable[..., tuple[Prediction, Prediction]] | None = None
     steady: bool = False
+    changes: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def inputs(self) -> Int[Array, " inputs"]:
@@ -84,6 +86,12 @@ class Layout:
     @property
     def first_shared(self) -> int:
         return len(self.columns) - len(self.precision)
+
+    @property
+    def believed(self) -> dict[str, float]:
+        """{shared column: centre of its prior}."""
+        names = (column.name for column in self.columns[self.first_shared:])
+        return dict(zip(names, self.centre.tolist(), strict=True))
 
     @property
     def in_slot(self) -> Bool[Array, " P"]:
@@ -529,15 +537,15 @@ def only_shared(layout: Layout, more: Iterable[str] = ()) -> Layout:
     rest = [k for k in range(first, len(layout.columns)) if k not in changed]
     kept = [*named, *changed, *rest]
     place = {column: number for number, column in enumerate(kept)}
-    known = widened(layout.precision, [(k - first, layout.columns[asked[layout.columns[k].name]].usual)
-                                       for k in changed])
+    changes = {layout.columns[k].name: layout.columns[asked[layout.columns[k].name]].usual for k in changed}
+    known = widened(layout.precision, [(k - first, sd) for k, sd in zip(changed, changes.values(), strict=True)])
     order = np.array([*changed, *rest], dtype=int) - first
     own = [prior_of(layout.measured, layout.columns[k].name, layout.columns[k].usual) for k in named]
     precision = block_diag(np.diag([one.precision for one in own]), known[np.ix_(order, order)])
     return Layout(lean_chain(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
                   tuple(place.get(column, -1) for column in layout.scatters), precision,
                   np.concatenate([[one.centre for one in own], layout.centre[order]]), layout.edges_s, layout.usual,
-                  layout.groups, layout.measured, layout.see, layout.steady)
+                  layout.groups, layout.measured, layout.see, layout.steady, {**layout.changes, **changes})
 
 
 def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:

@@ -16,7 +16,7 @@ GATE_SLIP_M = 5.0                     # chosen: twice the height of a target to 
 SLIP_PER_M = 0.5 / GATE_SLIP_M        # likewise its density, where each shot is tested as it comes; derived
 HEIGHT_M = 0.02                       # of a height measured at the plane; chosen: read off a film, to a tenth of a ball
 TIMED_M = 0.001                       # of a height at which the ball was timed: a tape's; chosen: its reading
-# Chosen: far below the 0.11 m by which launchers scatter (measured: benchmarks.launcher_world)
+# Chosen: far below the 0.11 m by which launchers scatter (git show cc0e336a:benchmarks/launcher_world.py)
 FLOOR_M = 0.005                       # of the height: what the model leaves out even of a perfect shot
 
 # What instruments that give the exit_* columns are believed to do: a good high-speed camera or radar.

@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benchmarks.compare import claim_of
 from tests.proof.law import acceleration
 from tests.proof.rivals.test_pysindy import sizes
 from truearc.errors import InputError
@@ -17,17 +16,6 @@ from truearc_proof.rivals.claim import COLUMNS, Moments, accelerations, middle_o
 from truearc_proof.truth.world import make_world
 
 # --- claim
-
-FINDING = {"mismatch": {"found": True, "p_value": 0.001}, "verdict": "set",
-           "what": [{"term": "wind_x", "probability": 0.2}, {"term": "spin_decay", "probability": 0.7}],
-           "fit": {"height_rmse_before_m": 0.05, "height_rmse_after_m": 0.04}}
-
-
-def test_an_unknown_effect_has_no_names_and_no_better_forecast() -> None:
-    told = claim_of({**FINDING, "verdict": "unknown", "fit": {"height_rmse_before_m": 0.05,
-                                                               "height_rmse_after_m": None}})
-    assert told.says_something and told.names == () and told.after_m == 0.05
-
 
 def test_who_cannot_enter_is_told_why() -> None:
     with pytest.raises(InputError, match="no rival 'nobody'"):

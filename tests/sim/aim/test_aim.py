@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import truearc as ta
-from benchmarks.aim import make_case, shortfalls
+from benchmarks.aim import judge, make_case, shortfalls
 from tests.sim.physics.rigs import GUPPY
 from truearc.cli.aim import parse_distances
 from truearc.cli.main import main
@@ -40,7 +40,7 @@ def table() -> ta.AimTable:
 @pytest.mark.parametrize("seed", [1, 4, 8])
 def test_no_set_point_scores_more(seed: int) -> None:
     """Seeds of which a set point was over 1 % short while hood angles were smoothed over distances far apart."""
-    short = shortfalls(make_case(seed))
+    short = shortfalls(judge(make_case(seed)))
     assert len(short) == 3 and max(short) < 0.01
 
 

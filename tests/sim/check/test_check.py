@@ -14,9 +14,10 @@ import truearc as ta
 from tests.sim.check.foam import GEARED, WHEELS, ball, by_motor, faster, numbers, season, tracks, wheels
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import Tracker, Wheel
+from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Tracker, Wheel
 from truearc.sim.check.believable import needed_speed
-from truearc.sim.check.check import check_plausible
+from truearc.sim.check.causes import TABLE
+from truearc.sim.check.check import CHECKS, check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import load_dataset, save_dataset
 from truearc.sim.infer.belief import point_belief
@@ -246,7 +247,7 @@ def test_an_unknown_term_of_the_rig_is_named_with_its_key(table: Dataset) -> Non
 
 def test_an_objection_is_accepted_by_name_and_recorded(table: Dataset, tmp_path: Path, capsys: Any) -> None:
     heavy = ball(table, mass_kg=1000.0)
-    with pytest.raises(InputError, match=r"check 'mass'; accept it by name"):
+    with pytest.raises(InputError, match=r"check 'mass'; if the data are right as recorded: --accept mass"):
         ta.fit(heavy, ("gravity",))
     save_dataset(tmp_path / "data", heavy)
     command = ["fit", str(tmp_path / "data"), "--terms", "gravity,drag", "-o", str(tmp_path / "belief.toml")]
@@ -283,9 +284,9 @@ def test_real_recordings_pass(data_dir: Path, tmp_path: Path) -> None:
 
 def test_an_objection_names_columns_as_the_files_do(table: Dataset, filmed: Dataset) -> None:
     feet = numbers(table, distance_m=table.shots.number("distance_m") / 0.3048)
-    with pytest.raises(InputError, match=r"shots: Weg: .*\(Weg is read as distance_m\)"):
+    with pytest.raises(InputError, match=r"shots: Weg: .*\(distance_m is the file's Weg\)"):
         check_plausible(replace(feet, shots=replace(feet.shots, written={"distance_m": "Weg"})))
-    with pytest.raises(InputError, match=r"tracks: x_m, y_m, z_cm: z points down.*\(z_cm is read as z_m\)"):
+    with pytest.raises(InputError, match=r"tracks: x_m, y_m, z_cm: z points down.*\(z_m is the file's z_cm\)"):
         check_plausible(replace(tracks(filmed, z_m=-filmed.tracks.z_m), track_columns={"z_m": "z_cm"}))
 
 
@@ -314,4 +315,12 @@ def test_one_shot_with_a_wrong_speed_makes_no_other_angle_likelier(table: Datase
         column[4] *= 0.2
     assert check_plausible(table).accepted == ()
     (said,) = check_plausible(numbers(table, **slow)).accepted
-    assert f"say: {table.shots.shot_id[4]}; make sure of these rows" in said
+    assert f"of them: {table.shots.shot_id[4]}; make sure of these rows" in said
+
+
+def test_the_table_of_slips_agrees_with_the_checks_and_with_limits_of_rigs() -> None:
+    rows = [*TABLE["shots"], *TABLE["rig"], *TABLE["tracks"], *TABLE["limits"], *TABLE["remarks"].values(),
+            *TABLE["quantities"].values()]
+    assert {row["check"] for row in rows} | {*TABLE["checks"].values()} <= {*CHECKS}
+    assert TABLE["checks"].keys() - {"launcher.wheel.clock_deg"} == MOST.keys() - {"ball.radius_m"}
+    assert max(row["most"] for row in TABLE["limits"] if row["of"] == "ball" and "most" in row) == DENSEST_KG_M3

@@ -63,7 +63,7 @@ def test_sound_tables_in_feet_are_read(seed: int, steep: bool) -> None:
 
 
 @pytest.mark.parametrize(("factor", "said"), [
-    (0.3048 / 0.0254, r"Dist \(ft\): these look like inches: .* \(Dist \(ft\) is read as distance_m\)"),
+    (0.3048 / 0.0254, r"Dist \(ft\): these look like inches: .* \(distance_m is the file's Dist \(ft\)\)"),
     (0.3048, r"Dist \(ft\): these look like metres: rename the column to distance_m")])
 def test_another_unit_under_a_heading_of_feet_is_named(factor: float, said: str) -> None:
     sound = table(0, steep=False)

@@ -125,6 +125,13 @@ def test_columns_beside_those_that_are_needed(rig: Path, tmp_path: Path) -> None
     assert shots.text("outcome") == ("two", "miss", "miss", "two") and shots.text("side") == ("", "low", "high", "")
 
 
+def test_day_and_driver_beside_a_session_are_groups_of_shots(rig: Path, tmp_path: Path) -> None:
+    rows = [f"{k},{9 + k},45,3300,{'in' if k % 2 else 'short'},{k // 3},{k // 6},{'AB'[k % 2]}" for k in range(12)]
+    mine = sheet(tmp_path, "Shot,Dist (ft),Hood angle,RPM,Result,Session,Day,Driver", *rows)
+    shots = ta.import_shots([mine], rig=rig).shots
+    assert [len(set(shots.text(name))) for name in ("session", "day", "fired_by")] == [4, 2, 2]
+
+
 @pytest.mark.parametrize(("name", "value"), [("Hood from vertical (deg)", 30.0), ("Hood from vertical [rad]", 0.5236)])
 def test_an_angle_from_the_vertical_is_read_as_its_complement(name: str, value: float, rig: Path,
                                                               tmp_path: Path) -> None:

@@ -62,13 +62,14 @@ def test_nothing_has_changed_whether_or_not_home_is_looked_at_again(belief: Beli
 
 
 @pytest.mark.slow
-def test_a_believed_number_that_has_changed_is_named_with_both_values(belief: Belief) -> None:
+def test_a_believed_number_that_has_changed_is_named_with_its_change_and_value(belief: Belief) -> None:
     finding = ask(later(33, cd=1.4), belief)
     first = finding.what[0]
     assert finding.verdict == "named" and first.term == "drag", finding.sentence
     assert first.believed == pytest.approx(belief.value("drag.cd"))
     assert first.parameters["cd"].low90 < 1.4 * FIRST.cd < first.parameters["cd"].high90
-    assert "and not" in finding.sentence
+    assert first.size.low90 < 0.4 * FIRST.cd < first.size.high90
+    assert finding.sentence.index("drag changed by ") < finding.sentence.index("; now the air slows the ball")
 
 
 @pytest.mark.slow

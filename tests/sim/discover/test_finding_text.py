@@ -53,6 +53,19 @@ def test_shares_are_told_as_per_cent_with_their_interval() -> None:
     assert "3.0 % (90 %: 1.0 to 5.0 %) slower" in text.say_effect("battery_sag", interval(0.3, 0.1), "")
 
 
+def test_a_change_is_told_before_the_new_value_and_with_its_sign() -> None:
+    now, change = interval(-0.8, 0.1, "deg"), interval(-1.6, 0.1, "deg")
+    hood = msgspec.structs.replace(named("hood_offset", 0.0, 1.0), parameters={"angle_deg": now}, believed=0.8,
+                                   change=change)
+    assert text.say_name(hood) == ("hood offset changed by -1.60° (90 %: -1.80 to -1.40°) from 0.80°; now the hood "
+                                   "stands 0.80° (90 %: 0.60 to 1.00°) flatter than it reads")
+    assert hood.size == change and named("drag", 0.5, 0.1).size.value == 0.5
+    slip = text.interval_of("wheel_slip", interval(0.004, 0.001, "1/m/s"))
+    assert slip == "0.40 % (90 %: 0.20 to 0.60 %) per m/s of wheel surface"
+    assert text.interval_of("battery_sag", interval(0.3, 0.1)) == "3.0 % (90 %: 1.0 to 5.0 %) per tenth of voltage"
+    assert text.interval_of("spin_decay", interval(-0.3, 0.1, "1/s")) == "-0.30 1/s (90 %: -0.50 to -0.10 1/s)"
+
+
 def test_spin_decay_is_told_as_a_time_constant_whose_ends_swap() -> None:
     """After the time constant the term itself leaves 1/e of the spin."""
     said = text.say_effect("spin_decay", rec.Interval(0.5, 0.07, 0.4, 0.625, "1/s"), "")

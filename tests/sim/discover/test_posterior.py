@@ -220,9 +220,9 @@ def test_a_small_change_is_worth_flown_what_the_table_says_and_no_change_costs()
         fitted, part = fit_drifting(drift)
         evidence = fitted.scores
         table = post.log_evidence(post.with_parts(evidence, [part]))[0] - post.log_evidence(evidence.shared_only())[0]
-        flown = post.nats_flown(fitted, part)
-        assert flown is not None and flown == pytest.approx(table, abs=0.6)
-        assert flown < 0.0 if drift == 0.0 else flown > 5.0
+        found = post.flown(fitted, part)
+        assert found is not None and found.log_evidence == pytest.approx(table, abs=0.6)
+        assert found.log_evidence < 0.0 if drift == 0.0 else found.log_evidence > 5.0
 
 
 def test_in_a_closed_hall_wind_is_a_draught() -> None:

@@ -235,4 +235,4 @@ def test_a_time_constant_that_nobody_knows_is_looked_for(loss: float, seed: int)
     assert abs(adopted["loss"] - interval.value) < interval.sd
     assert 0.8 < adopted["time_constant_s"] / RAPID_FIRE_S < 1.3
     row = belief.names.index("rapid_fire.loss")
-    assert belief.covariance[row, row]**0.5 == pytest.approx(interval.sd, rel=0.1)
+    assert 0.75 < belief.covariance[row, row]**0.5 / interval.sd < 1.1      # the interval is over all hypotheses

@@ -113,7 +113,7 @@ def test_the_worked_example_is_as_the_page_says() -> None:
     assert [round(one.probability, 2) for one in finding.what[:2]] == [0.90, 0.06]
     assert finding.unexplained == pytest.approx(0.04, abs=0.005)
     interval = finding.what[0].parameters["loss_per_m_s"]
-    assert (round(100 * interval.low90, 1), round(100 * interval.high90, 1)) == (0.8, 2.7)
+    assert (round(100 * interval.low90, 1), round(100 * interval.high90, 1)) == (0.8, 2.6)
     assert interval.low90 < TRUTH < interval.high90
     naming = found.steps[0].naming
     assert sum(one.visible for one in naming.candidates) == 17
