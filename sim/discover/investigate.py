@@ -514,7 +514,7 @@ def _nameless(taken: Simulation) -> tuple[Coefficients, dict[str, Curve]]:
     curves = {**({} if belief is None else belief.curves), **{one.term: one.curve for one in free},
               **({} if room is None else dict.fromkeys(ROOM, room.curve))}
     before = {} if belief is None else {name: dict(belief.coefficients[name]) for name in belief.curves}
-    before |= {} if room is None else room.values
+    before |= {} if room is None else ROOM
     points = {column.name.removeprefix(CURVE + "."): float(value) for column, value in zip(
         evidence.columns, evidence.point, strict=True) if column.name.startswith(CURVE + ".")}
     return {**before, **{one.term: dict(one.values) for one in free}}, moved_curves(curves, points)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from truearc.sim.infer.belief import SHAPES, Belief, Coefficients, Curve
+from truearc.sim.infer.belief import SHAPES, Belief, Curve
 from truearc.sim.infer.fit import climb
 from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array
@@ -23,8 +23,9 @@ from truearc.sim.physics.catalogue import CURVE, find_nameless
 from truearc.sim.physics.term import complete
 from truearc.sim.statistics import invert
 
-ROOM = {"free_speed": {"share": 1.0}, "free_elevation": {"angle_rad": 1.0}, "free_distance": {"bias_m": 1.0},
-        "free_push": {"size_m_s2": 1.0, "up": 1.0}}
+ROOM = {term: complete(find_nameless(term), values) for term, values in {
+    "free_speed": {"share": 1.0}, "free_elevation": {"angle_rad": 1.0}, "free_distance": {"bias_m": 1.0},
+    "free_push": {"size_m_s2": 1.0, "up": 1.0}}.items()}
 OVER = ("distance_m", "hood_deg", "exit_deg", "exit_speed_m_s")
 # Chosen: errors of 2 cm where the ball arrives are usual; four points more make little of it
 PRIOR_M, WEIGHT = 0.02, 4.0
@@ -41,11 +42,6 @@ class Room:
 
     fitted: LauncherFit
     curve: Curve
-
-    @property
-    def values(self) -> Coefficients:
-        """The parameters of ROOM's terms."""
-        return {term: complete(find_nameless(term), values) for term, values in ROOM.items()}
 
 
 def has_room(belief: Belief) -> bool:
@@ -67,7 +63,7 @@ def open_room(bare: LauncherFit, columns: Mapping[str, Any]) -> Room:
     curve = Curve((0.0,) * (1 + SHAPES * len(over)), 0.0, over=over)
     model, point = bare.model, bare.point
     for term, values in ROOM.items():
-        model = model.along(term, complete(find_nameless(term), values), curve, curve.by(known, len(rows)))
+        model = model.along(term, values, curve, curve.by(known, len(rows)))
         point = model.extended(point)
     owner = np.array([list(ROOM).index(column.name.split(".")[1]) if column.name.startswith(CURVE + ".") else -1
                       for column in model.layout.columns])
