@@ -49,8 +49,8 @@ def has_room(belief: Belief) -> bool:
     return any(curve.over for curve in belief.curves.values())
 
 
-def open_room(bare: LauncherFit, columns: Mapping[str, Any]) -> Room:
-    """Return the fit with room.
+def open_room(bare: LauncherFit, columns: Mapping[str, Any]) -> Room | None:
+    """Return the fit with room; None if all shots have the same settings.
 
     Args:
         bare: A fit of shared columns alone, with heights or outcomes at the plane and without curves.
@@ -60,6 +60,8 @@ def open_room(bare: LauncherFit, columns: Mapping[str, Any]) -> Room:
     known = {name: np.asarray(columns[name])[rows] for name in OVER if name in columns}
     ends = {name: np.percentile(x, EDGES) for name, x in known.items() if np.isfinite(x).all()}
     over = {name: (float(low), float(high)) for name, (low, high) in ends.items() if low < high}
+    if not over:
+        return None
     curve = Curve((0.0,) * (1 + SHAPES * len(over)), 0.0, over=over)
     model, point = bare.model, bare.point
     for term, values in ROOM.items():

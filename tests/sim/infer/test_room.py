@@ -102,7 +102,9 @@ def test_without_room_the_fit_is_what_it_was() -> None:
     """And with it, some number is in more doubt."""
     dataset = shoot(make_world({}, "L1", 60, 4, side=True)).in_order()
     bare = fit_believed(Launcher.of(dataset, ("gravity", "drag", "magnus")).shared_only())
-    found = room.open_room(bare, every_column(dataset)).fitted
+    opened = room.open_room(bare, every_column(dataset))
+    assert opened is not None and room.open_room(bare, {"distance_m": np.full(60, 4.0)}) is None
+    found = opened.fitted
     own = np.array([not column.name.startswith(CURVE) for column in found.scores.columns])
     assert (~own).sum() == len(room.ROOM) * (1 + 3 * bel.SHAPES)
     sd, before = (np.sqrt(np.diag(one.scores.covariance)) for one in (found, bare))
