@@ -8,9 +8,8 @@ gets no torque, but it is not released.
 """
 
 import math
-from typing import NamedTuple
 
-from msgspec import UNSET
+from msgspec import UNSET, Struct
 from msgspec.structs import replace
 
 from truearc.hw import fault_codes as codes
@@ -72,7 +71,7 @@ UNSEEN_MOTION = frozenset((because.SWITCH_NOT_REACHED.name, because.JOINT_NOT_TU
 FREE = Joint()
 
 
-class Watch(NamedTuple):
+class Watch(Struct, frozen=True):
     """What the tick knows of motion before it decides; `ready`: under control and without errors."""
 
     wheels: Joint
@@ -106,7 +105,7 @@ class Watch(NamedTuple):
         return [*found, because.WHEELS_IDLE()] if self.is_idle else found
 
 
-class Wanted(NamedTuple):
+class Wanted(Struct, frozen=True):
     """Set points of this tick: the motor speed of the wheels, 0 for none; the hood's, None while something else moves
     it.
 
