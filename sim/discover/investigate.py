@@ -258,7 +258,7 @@ def make_belief(investigation: Investigation,
                   "adopted": [name.partition(".")[0] for name in names] + [one.said for one in free] + _parts(several),
                   "averaged": several is not None,
                   "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
-    why, at_limit = choice.why or taken.why, list(taken.at_limit)
+    why, at_limit = choice.why or taken.why, list(taken.at_limit | stopped(evidence, among))
     if investigation.steps and taken.empty:
         at_limit = at_limit or list(finding.data.at_limit or ())
     refused: dict[str, Any] = {"refused": why} if why else {}
