@@ -71,7 +71,7 @@ from truearc.sim.discover.detect.localization import Place, locate
 from truearc.sim.discover.finding import Adoption, FitSummary
 from truearc.sim.discover.identifiability import UNTOUCHED, Sight, TermIdentifiability
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis, weigh
-from truearc.sim.discover.select.terms import MOST_USUAL, NEVER, SURE, Naming, name_terms
+from truearc.sim.discover.select.terms import CREDIBLE_SD, MOST_USUAL, NEVER, SURE, Naming, name_terms
 from truearc.sim.infer.intervals import NumberChange
 from truearc.sim.infer.launcher import STRONG, LauncherFit, stopped
 from truearc.sim.infer.likelihood.data import Each
@@ -91,8 +91,6 @@ LIKELY = 0.5                          # probability from which a thing is likeli
 CLEARLY = 2.0                         # standard errors by which plain shares beat a forecast, or a free curve is better
 # Derived: 5 % then falls on a draw, known to 0.7 %
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
-# Derived: normal quantile 0.9995; the fit's prior is WEAKER times as wide as the catalogue's
-CREDIBLE_SD = 3.29                    # standard deviations of it, in which a term's number is believable
 
 
 @dataclass(frozen=True)
