@@ -207,10 +207,11 @@ def out_of_nature(step: Step) -> str:
 
 
 def too_large(step: Step) -> str:
-    """Judged without the room for error that naming leaves it."""
+    """By the size of its refit and by that which is reported; without the room for error that naming leaves either."""
     found, usual = step.refit, step.column.usual
-    size = abs(float(found.amplitude[0]))
-    return (f"{found.names[0]} would have to be {size / usual:.1f} times as large as is usual in such a place"
+    name, among = found.names[0], found.model.catalogue
+    size = max(abs(float(found.amplitude[0])), abs(step.naming.told(step.fitted, name)[0]))
+    return (f"{_meaning(name, among)} would have to be {size / usual:.1f} times as large as is usual in such a place"
             if size > MOST_USUAL * usual else "")
 
 
@@ -218,8 +219,12 @@ def _said(name: str, verb: str, value: str, among: Catalogue) -> str:
     """Such as "wind upward (wind_z.speed_m_s) would have to be 9 m/s"."""
     if among.get(name.partition(".")[0]) is None:
         return f"{name} {verb} {value}"
-    number = find_parameter(name, among)
-    return f"{number.meaning} ({name}) {verb} {value}{'' if number.unit == '1' else f' {number.unit}'}"
+    unit = find_parameter(name, among).unit
+    return f"{_meaning(name, among)} {verb} {value}{'' if unit == '1' else f' {unit}'}"
+
+
+def _meaning(name: str, among: Catalogue) -> str:
+    return f"{find_parameter(name, among).meaning} ({name})"
 
 
 GUARDS: tuple[Callable[[Step], str], ...] = (at_limit, out_of_nature, too_large)

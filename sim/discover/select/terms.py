@@ -216,6 +216,10 @@ class Naming:
             return sizes_of(self.refits[name])[0]
         return shrunk(next(one for one in self.candidates if one.name == name), fitted.scores)
 
+    def told(self, fitted: LauncherFit, name: str) -> tuple[float, float, float, float]:
+        """Return the size of a name over all hypotheses that have it, as `posterior_amplitude` does."""
+        return posterior_amplitude(fitted, name, self.sizes.get(name) or (self.alone(fitted, name),))
+
     @property
     def ranked(self) -> list[str]:
         """Return names that may lead or be in a set, likeliest first."""
