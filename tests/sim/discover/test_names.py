@@ -171,7 +171,7 @@ def test_it_stops_after_so_many() -> None:
 
 
 @pytest.mark.parametrize(("planted", "usual", "seed", "why"), [
-    ({PLANTED: 1.1}, {PLANTED: 0.135}, 5, f"({PLANTED}) would have to be 6."),
+    ({PLANTED: 1.1}, {PLANTED: 0.135}, 5, f"({PLANTED}) would have to be 7.6 times"),
     ({PLANTED: 0.6}, {}, 5, ""),
 ])
 def test_a_name_is_withheld_where_a_guard_says_so(planted, usual, seed, why) -> None:
