@@ -20,7 +20,7 @@ from truearc.sim.check import believable
 from truearc.sim.check.believable import Fit, Reading, Rows, explain, judged_shots, rows_of
 from truearc.sim.check.causes import TABLE, UNITS, Flaw, causes, unusual, value_of
 from truearc.sim.check.motion import TRACKS, jolts, measure_motion
-from truearc.sim.data.dataset import Dataset, Floats, Times
+from truearc.sim.data.dataset import Dataset, Floats, Shots, Times
 from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.physics.simulate import has_wheels
 
@@ -36,6 +36,9 @@ SLACK = 8.0                           # nats by which a scatter may become more 
 MIXED = 1.5                           # nats that another unit in some rows costs; chosen: as exchanged columns
 LONE = 10.0                           # standard deviations of a single row; chosen: chance once in 10^4 by Student's t
 CLOSE = 2.0                           # nats within which another cause is named, too; chosen: seven times as likely
+MISSED = 0.15                         # of log speeds of misses, from what their aim needs; chosen: more than scores
+SURE = 4.0                            # standard errors by which high ones were slower; chosen: chance once in 30,000
+GEARED = 0.1                          # log by which ratios of speeds are those of gears; chosen: they slow by per cents
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's; chosen: as scales err
 OUNCE_KG = 0.0283495                  # definition
 UPRIGHT_DEG = 85.0                    # hood angles from which a ball need not go forwards; chosen: scatter turns it
@@ -58,8 +61,10 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
         objections = [_named(objection, dataset) for objection in _objections(dataset)]
     refused = [objection for objection in objections if not objection.warns and objection.check not in accept]
     if refused:
-        raise InputError("\n".join(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; if the "
-                                   f"data are right as recorded: --accept {objection.check})" for objection in refused))
+        anew = [f"Correct the file, and import it anew: {dataset.imported}"] if dataset.imported else []
+        raise InputError("\n".join([*(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; if the "
+                                      f"data are right as recorded: --accept {objection.check})"
+                                      for objection in refused), *anew]))
     return replace(dataset, accepted=tuple(f"{objection.check}: {objection}" for objection in objections))
 
 
@@ -67,10 +72,11 @@ def _named(objection: Flaw, dataset: Dataset) -> Flaw:
     """Return the objection with the files' own column names, and what they are read as."""
     file, _, keys = objection.place.rpartition(": ")
     names = {"tracks": dataset.track_columns, dataset.shots.source: dataset.shots.written}.get(file, {})
-    read = [f"{key} is the file's {names[key]}" for key in re.findall(r"\w+", keys) if key in names]
+    read = [f"{key} is the file's {names[key][0]}" for key in re.findall(r"\w+", keys)
+            if key in names and names[key][0] != key]
     if not read:
         return objection
-    own = re.sub(r"\w+", lambda key: names.get(key[0], key[0]), keys)
+    own = re.sub(r"\w+", lambda key: names.get(key[0], key)[0], keys)
     return objection._replace(place=f"{file}: {own}", what=f"{objection.what} ({', '.join(read)})")
 
 
@@ -113,6 +119,7 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
     known = explain([as_recorded])
     yield from _topspin(reading, as_recorded, known)
     if known.surprise < EXPECTED:
+        yield from _missed(reading, judged, known)
         return
     # the shots that are farthest off, and as many others, tell which slips are promising
     odd = np.argsort(-np.abs(known.rest[:len(judged)]))[:FEW // 2]
@@ -154,14 +161,55 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
                                 "likelier")
     else:
         yield from _unexplained(reading, as_recorded.whose, known)
+        yield from _missed(reading, judged, known)
 
 
 def _topspin(reading: Reading, rows: Rows, known: Fit) -> Iterator[Flaw]:
     """Yield a warning if the stated backspin presses balls down: it may be topspin."""
     shots = reading.dataset.shots
-    if reading.motion is not None and np.isfinite(shots.number("exit_spin_rev_s")).any() and (
-            believable.lifts_less(rows, known) > PRESSED):
-        yield remark("topspin", source=shots.source)
+    if reading.motion is None:
+        return
+    if np.isfinite(shots.number("exit_spin_rev_s")).any():
+        if believable.lifts_less(rows, known) > PRESSED:
+            yield remark("topspin", source=shots.source)
+    elif believable.turned_over(known) > LIKELIER:
+        yield remark("pressed", source=shots.source)
+
+
+def _missed(reading: Reading, judged: np.ndarray, known: Fit) -> Iterator[Flaw]:
+    """Yield warnings of what the speeds of misses, which may pass anywhere, tell: another unit, and the sides' sign."""
+    shots = reading.dataset.shots
+    rows = np.setdiff1d(believable.flown_shots(reading.dataset), judged) if len(judged) else judged
+    missed = rows[np.array(shots.text("outcome"))[rows] == "miss"]
+
+    def nats(undone: Reading) -> Floats:
+        off = believable.speeds_off(undone, missed, known) / MISSED
+        return np.asarray(0.5 * (believable.FREEDOM + 1.0) * np.log1p(off**2 / believable.FREEDOM))
+    found: list[tuple[float, Flaw]] = []
+    for cause in causes(reading._replace(motion=None)) if len(missed) else ():
+        better = nats(reading) - nats(cause.undone) - believable.MIXED if cause.single else np.zeros(0)
+        if (gain := better[better > 0.0].sum() - cause.rare) > BETTER:
+            ids = _listed([shots.shot_id[row] for row in missed[better > 0.0]])
+            found.append((gain, cause.flaw._replace(warns=True, what=f"{(better > 0.0).sum()} of {len(missed)} misses "
+                                                    f"look like {cause.single}; make sure of these: {ids}")))
+    yield from (flaw for _, flaw in sorted(found, reverse=True)[:1])
+    rows = believable.flown_shots(reading.dataset)
+    up = ups(shots)[rows]
+    if len(judged) and min((up > 0.0).sum(), (up < 0.0).sum()) >= believable.SCORES:
+        # beside what the physics does not explain by distance and angle
+        off = believable.speeds_off(reading, rows, known)
+        by = np.column_stack([up, np.ones(len(rows)), shots.number("distance_m")[rows],
+                              believable.elevation_deg(reading.dataset)[rows]])
+        slope, *_ = np.linalg.lstsq(by, off)
+        spread = np.std(off - by @ slope) * math.sqrt(np.linalg.pinv(by.T @ by)[0, 0])
+        if slope[0] < -SURE * spread:
+            yield remark("reversed", source=shots.source, column="side" if "side" in shots.texts else "miss_height_m")
+
+
+def ups(shots: Shots) -> Floats:
+    """Return 1 for shots that passed high, -1 for low ones, by the side or else the height; 0 where neither says it."""
+    side, height = np.array(shots.text("side")), np.nan_to_num(shots.number("miss_height_m"))
+    return np.select([side == "high", side == "low"], [1.0, -1.0], np.sign(height))
 
 
 def _unexplained(reading: Reading, whose: np.ndarray, known: Fit) -> Iterator[Flaw]:
@@ -212,8 +260,17 @@ def _stated(dataset: Dataset) -> Iterator[Flaw]:
     turning = {f"wheel_{wheel.name}_rad_s": abs(wheel.gear) for wheel in rig.launcher.wheel if wheel.gear}
     speeds = np.array([shots.number(name) for name in turning])
     if len(turning) > 1 and max(turning.values()) > 1.3 * min(turning.values()) and (
-            np.isfinite(speeds[0]).sum() >= believable.SCORES and np.allclose(speeds, speeds[0], equal_nan=True)):
-        yield remark("equal", source=shots.source, columns=", ".join(turning))
+            np.isfinite(speeds[0]).sum() >= believable.SCORES):
+        logs, gears = np.log(np.maximum(np.abs(speeds), 1e-9)), np.log([*turning.values()])
+        for name, ratios, most in (("equal", 0.0 * gears, 1e-9), ("exchanged", gears, GEARED)):
+            if np.nanmax(np.abs(logs + ratios[:, None] - logs[0] - ratios[0])) < most:
+                yield remark(name, source=shots.source, columns=", ".join(turning))
+    heights, sides = shots.number("miss_height_m"), np.array(shots.text("side"))
+    stated = np.isin(sides, ("low", "high")) & (np.abs(heights) > 0.0)
+    wrong = np.flatnonzero(stated & (np.where(sides == "low", -heights, heights) < 0.0))
+    if len(wrong):
+        yield remark("signs", source=shots.source, count=len(wrong), all=stated.sum(),
+                     shots=_listed([shots.shot_id[row] for row in wrong]))
 
 
 def _balls(dataset: Dataset) -> Iterator[Flaw]:

@@ -43,7 +43,7 @@ def table(seed: int, steep: bool) -> Dataset:
               Target(1.8, 0.07, 0.3))
     return Dataset("table", rig, Shots(tuple(map(str, range(98))), {
         "distance_m": distance, "hood_deg": hood, "wheel_upper_rad_s": ratio * lower, "wheel_lower_rad_s": lower},
-        {"outcome": outcome}, written={"distance_m": "Dist (ft)"}))
+        {"outcome": outcome}, written={"distance_m": ("Dist (ft)", 0.3048, 0.0)}))
 
 
 def filmed(ball: Ball, places: np.ndarray, step_s: float, from_m: float, target: Target | None = None) -> Dataset:
@@ -63,8 +63,8 @@ def test_sound_tables_in_feet_are_read(seed: int, steep: bool) -> None:
 
 
 @pytest.mark.parametrize(("factor", "said"), [
-    (0.3048 / 0.0254, r"Dist \(ft\): these look like inches: .* \(distance_m is the file's Dist \(ft\)\)"),
-    (0.3048, r"Dist \(ft\): these look like metres: rename the column to distance_m")])
+    (0.3048 / 0.0254, r"Dist \(ft\): these look like inches: rename the column to Dist \(in\); .*the file's Dist \(ft"),
+    (0.3048, r"Dist \(ft\): these look like metres: rename the column to Dist \(m\)")])
 def test_another_unit_under_a_heading_of_feet_is_named(factor: float, said: str) -> None:
     sound = table(0, steep=False)
     wrong = {**sound.shots.numbers, "distance_m": factor * sound.shots.number("distance_m")}
