@@ -36,7 +36,7 @@ SLACK = 8.0                           # nats by which a scatter may become more 
 MIXED = 1.5                           # nats that another unit in some rows costs; chosen: as exchanged columns
 LONE = 10.0                           # standard deviations of a single row; chosen: chance once in 10^4 by Student's t
 CLOSE = 2.0                           # nats within which another cause is named, too; chosen: seven times as likely
-MISSED = 0.15                         # of log speeds of misses, from what their aim needs; chosen: more than scores
+SCORED, MISSED = 0.06, 0.15           # of log speeds, from what their aim needs; chosen: few launchers scatter more
 SURE = 4.0                            # standard errors by which high ones were slower; chosen: chance once in 30,000
 GEARED = 0.1                          # log by which ratios of speeds are those of gears; chosen: they slow by per cents
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's; chosen: as scales err
@@ -119,7 +119,7 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
     known = explain([as_recorded])
     yield from _topspin(reading, as_recorded, known)
     if known.surprise < EXPECTED:
-        yield from _missed(reading, judged, known)
+        yield from _each(reading, known) if len(judged) else ()
         return
     # the shots that are farthest off, and as many others, tell which slips are promising
     odd = np.argsort(-np.abs(known.rest[:len(judged)]))[:FEW // 2]
@@ -161,7 +161,7 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
                                 "likelier")
     else:
         yield from _unexplained(reading, as_recorded.whose, known)
-        yield from _missed(reading, judged, known)
+        yield from _each(reading, known) if len(judged) else ()
 
 
 def _topspin(reading: Reading, rows: Rows, known: Fit) -> Iterator[Flaw]:
@@ -176,32 +176,32 @@ def _topspin(reading: Reading, rows: Rows, known: Fit) -> Iterator[Flaw]:
         yield remark("pressed", source=shots.source)
 
 
-def _missed(reading: Reading, judged: np.ndarray, known: Fit) -> Iterator[Flaw]:
-    """Yield warnings of what the speeds of misses, which may pass anywhere, tell: another unit, and the sides' sign."""
-    shots = reading.dataset.shots
-    rows = np.setdiff1d(believable.flown_shots(reading.dataset), judged) if len(judged) else judged
-    missed = rows[np.array(shots.text("outcome"))[rows] == "miss"]
+def _each(reading: Reading, known: Fit) -> Iterator[Flaw]:
+    """Yield warnings of what the speeds of all shots tell, misses among them: another unit of some, reversed signs."""
+    shots, rows = reading.dataset.shots, believable.flown_shots(reading.dataset)
+    missed = np.array(shots.text("outcome"))[rows] == "miss"
+
+    def off(undone: Reading) -> Floats:
+        return believable.speeds_off(undone, rows, known)
 
     def nats(undone: Reading) -> Floats:
-        off = believable.speeds_off(undone, missed, known) / MISSED
-        return np.asarray(0.5 * (believable.FREEDOM + 1.0) * np.log1p(off**2 / believable.FREEDOM))
+        widths = off(undone) / np.where(missed, MISSED, SCORED)
+        return np.asarray(0.5 * (believable.FREEDOM + 1.0) * np.log1p(widths**2 / believable.FREEDOM))
     found: list[tuple[float, Flaw]] = []
-    for cause in causes(reading._replace(motion=None)) if len(missed) else ():
-        better = nats(reading) - nats(cause.undone) - believable.MIXED if cause.single else np.zeros(0)
-        if (gain := better[better > 0.0].sum() - cause.rare) > BETTER:
-            ids = _listed([shots.shot_id[row] for row in missed[better > 0.0]])
-            found.append((gain, cause.flaw._replace(warns=True, what=f"{(better > 0.0).sum()} of {len(missed)} misses "
-                                                    f"look like {cause.single}; make sure of these: {ids}")))
-    yield from (flaw for _, flaw in sorted(found, reverse=True)[:1])
-    rows = believable.flown_shots(reading.dataset)
+    for cause in filter(lambda cause: cause.single, causes(reading._replace(motion=None))):
+        better = nats(reading) - nats(cause.undone) - believable.MIXED
+        ids = [shots.shot_id[row] for row in rows[better > 0.0]]
+        found.append((better[better > 0.0].sum() - MIXED, cause.flaw._replace(
+            warns=True, what=f"{len(ids)} of {len(rows)} shots look like {cause.single}; make sure of these: "
+            f"{_listed(ids)}")))
+    yield from (flaw for gain, flaw in sorted(found, reverse=True)[:1] if gain > BETTER)
     up = ups(shots)[rows]
-    if len(judged) and min((up > 0.0).sum(), (up < 0.0).sum()) >= believable.SCORES:
+    if min((up > 0.0).sum(), (up < 0.0).sum()) >= believable.SCORES:
         # beside what the physics does not explain by distance and angle
-        off = believable.speeds_off(reading, rows, known)
         by = np.column_stack([up, np.ones(len(rows)), shots.number("distance_m")[rows],
                               believable.elevation_deg(reading.dataset)[rows]])
-        slope, *_ = np.linalg.lstsq(by, off)
-        spread = np.std(off - by @ slope) * math.sqrt(np.linalg.pinv(by.T @ by)[0, 0])
+        slope, *_ = np.linalg.lstsq(by, off(reading))
+        spread = np.std(off(reading) - by @ slope) * math.sqrt(np.linalg.pinv(by.T @ by)[0, 0])
         if slope[0] < -SURE * spread:
             yield remark("reversed", source=shots.source, column="side" if "side" in shots.texts else "miss_height_m")
 
