@@ -363,13 +363,6 @@ def speeds_off(reading: Reading, rows: Int[np.ndarray, " n"], known: Fit) -> Flo
     return np.asarray(np.clip(np.nan_to_num(flown(known.values[None])[0][0], nan=-LOST), -1.0, 1.0))
 
 
-def turned_over(known: Fit) -> float:
-    """Return by how many nats the physics is likelier if the balls turn the other way."""
-    centre, sd = _priors()
-    here, there = known.values[CL], -known.values[CL] - 2.0 * centre[CL] / sd[CL]
-    return float(0.5 * (here**2 - there**2))
-
-
 def lifts_less(rows: Rows, known: Fit) -> float:
     """By how many nats negative lift explains the rows better than none; 0 where lift is not negative."""
     centre, sd = _priors()

@@ -293,11 +293,9 @@ class _Guessing:
             at = turns[0] + 1 if turns.size else 1
             return (f"{numbers[at]:.15g} in {self._place(rows[at])} comes after {numbers[at - 1]:.15g}; sort the rows, "
                     "or name their sessions in a column session")
-        if (column == "battery_v" and top <= LEAST_V) or (
+        if (column == "battery_v" and top <= LEAST_V) or (column == "hood_deg" and not unit and top <= MOST_RAD) or (
                 column == SERVO and (unit or {*np.unique(values)} == {0.0, 1.0})):
-            return f"up to {top:.4g} is another thing"
-        if column == "hood_deg" and not unit and top <= MOST_RAD:
-            return f"up to {top:.4g} is a servo's position, or radians: rename it to {maps.in_unit(series.name, 'rad')}"
+            return f"up to {top:.4g}, it looks like another thing"       # a servo's position, the number of a battery
         if not wrong.size:
             return ""
         others = {one: read(one) for one in (own, *maps.CONVERTED.get(own, ())) if one != (unit or own)}
