@@ -12,7 +12,7 @@ from truearc.hw.protocols import NS
 from truearc.robot.aim import NOWHERE
 from truearc.robot.config.schema import Config, PidGains
 from truearc.robot.estimate import is_fresh
-from truearc.robot.motion import BLIND, SHOWN_S, SWITCH_DEG, Watch, here_deg
+from truearc.robot.motion import BLIND, SHOWN_S, SWITCH_DEG, Watch, here_deg, within_travel
 from truearc.robot.motors import elevation_per_rad
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
 
@@ -90,17 +90,17 @@ def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
         return (home(inputs, estimate, watched, config) if heard else 0.0), AT_REST
     if estimate.hood_deg is None or aim.source in NOWHERE:
         return 0.0, AT_REST
-    wanted = min(max(aim.hood_deg, hood.low_deg), hood.high_deg)
-    error = wanted - estimate.hood_deg
+    wanted, at_deg, screw_deg = within_travel(aim.hood_deg, hood), estimate.hood_deg, estimate.hood_screw_deg
+    error = wanted - at_deg
     push = math.copysign(hood.friction_nm, error) if abs(error) > hood.deadband_deg else 0.0
-    torque, pid = step_pid(hood.pid, memory.hood, wanted, estimate.hood_deg, push,
+    torque, pid = step_pid(hood.pid, memory.hood, wanted, at_deg, push,
                            hood.pid.output_low, hood.pid.output_high, 1.0 / config.tick_hz)
     # The screw locks itself: inside the deadband, once slow, nothing needs to push.
     if push == 0.0 and abs(pid.rate) < 1.0:
         return 0.0, pid
-    screw_deg = estimate.hood_deg if estimate.hood_screw_deg is None else estimate.hood_screw_deg
-    left_deg = (hood.high_deg - max(estimate.hood_deg, screw_deg) if torque > 0.0 else
-                min(estimate.hood_deg, screw_deg) - hood.low_deg)
+    if screw_deg is not None and (screw_deg > at_deg if torque > 0.0 else screw_deg < at_deg):
+        at_deg = screw_deg            # the nearer to the soft limit counts
+    left_deg = hood.high_deg - at_deg if torque > 0.0 else at_deg - hood.low_deg
     return slow_down(torque, inputs, estimate, watched, config, left_deg), pid
 
 
@@ -128,27 +128,31 @@ def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, watched: Wat
     if left_deg <= 0.0 or torque_nm == 0.0:
         return 0.0
     hood, joint, t_ns, old_s = config.hood, watched.hood, inputs.t_ns, config.gate.reading_age_s
-    speed_age_s = age_s = (t_ns - inputs.hood_motor.t_ns) * NS
-    angle = inputs.hood_angle
-    if angle is not None and config.hood_encoder.is_heard and angle.t_ns < inputs.hood_motor.t_ns:
+    motor, angle = inputs.hood_motor, inputs.hood_angle
+    speed_age_s = age_s = (t_ns - motor.t_ns) * NS
+    if angle is not None and config.hood_encoder.is_heard and angle.t_ns < motor.t_ns:
         age_s = (t_ns - angle.t_ns) * NS
     sign = 1.0 if torque_nm > 0.0 else -1.0
     deg_per_rad = watched.deg_per_rad or elevation_per_rad(here_deg(estimate, hood), hood)
-    screw_deg_s = sign * inputs.hood_motor.velocity_rad_s * deg_per_rad
-    rate_deg_s = max(screw_deg_s, sign * joint.angle_deg_s)
-    limit_deg_s = min(hood.max_deg_s, NEAR_PER_S * left_deg) * max(1.0 - age_s / old_s, LEAST_SHARE)
-    size_nm = abs(torque_nm)
+    # Comparisons: in CPython 3.11 min or max of two numbers is a call of 0.2 us
+    screw_deg_s, encoder_deg_s = sign * motor.velocity_rad_s * deg_per_rad, sign * joint.angle_deg_s
+    rate_deg_s = encoder_deg_s if encoder_deg_s > screw_deg_s else screw_deg_s
+    limit_deg_s, near_deg_s, share = hood.max_deg_s, NEAR_PER_S * left_deg, 1.0 - age_s / old_s
+    limit_deg_s = (near_deg_s if near_deg_s < limit_deg_s else limit_deg_s) * (
+        LEAST_SHARE if share < LEAST_SHARE else share)
+    size_nm, friction_nm = abs(torque_nm), hood.friction_nm
     if not config.hood_encoder.is_heard and (t_ns - joint.moved_t_ns) * NS > SHOWN_S:
-        size_nm = min(size_nm, BLIND * hood.friction_nm)
+        size_nm = min(size_nm, BLIND * friction_nm)
     most = hood.pid.output_high if torque_nm > 0.0 else -hood.pid.output_low
-    spare_nm = max(SPARE * hood.friction_nm, SPARE_SHARE * most)
-    if joint.stuck_t_ns:
-        spare_nm += size_nm * max((t_ns - joint.stuck_t_ns) * NS - STUCK_S, 0.0) / RISE_S
-    most_nm = hood.friction_nm + spare_nm * (limit_deg_s - rate_deg_s) / hood.max_deg_s
+    spare_nm, least_nm = SPARE * friction_nm, SPARE_SHARE * most
+    spare_nm = least_nm if least_nm > spare_nm else spare_nm
+    if joint.stuck_t_ns and (still_s := (t_ns - joint.stuck_t_ns) * NS - STUCK_S) > 0.0:
+        spare_nm += size_nm * still_s / RISE_S
+    most_nm = friction_nm + spare_nm * (limit_deg_s - rate_deg_s) / hood.max_deg_s
     if most_nm < 0.0:
-        braked_nm = hood.friction_nm + spare_nm * (limit_deg_s - screw_deg_s) / hood.max_deg_s
+        braked_nm = friction_nm + spare_nm * (limit_deg_s - screw_deg_s) / hood.max_deg_s
         most_nm = max(min(braked_nm, 0.0), -size_nm) if speed_age_s < YOUNG_SHARE * old_s else 0.0
-    return sign * min(size_nm, most_nm)
+    return sign * (most_nm if most_nm < size_nm else size_nm)
 
 
 def _still_clearing(inputs: Inputs, memory: Memory, config: Config) -> int:

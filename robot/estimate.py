@@ -121,9 +121,17 @@ def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
     If `aim.policy` is "belief", the distance is that of this tick: the newest sighting's, filtered, plus the robot's
     motion since.
     """
-    speeds = [motor.velocity_rad_s for motor in inputs.flywheels]
-    mean = sum(speeds) / len(speeds)
-    free = config.rig.launcher.free_speed_rad_s
+    wheels = inputs.flywheels
+    fastest = slowest = wheels[0].velocity_rad_s
+    total_rad_s = bus_v = 0.0
+    for motor in wheels:              # one loop: min, max and sum over lists take 2 us
+        speed = motor.velocity_rad_s
+        total_rad_s, bus_v = total_rad_s + speed, bus_v + motor.bus_v
+        if speed > fastest:
+            fastest = speed
+        elif speed < slowest:
+            slowest = speed
+    mean, free = total_rad_s / len(wheels), config.rig.launcher.free_speed_rad_s
     sighting = memory.last_sighting
     distance = None
     if sighting is not None and sighting.distance_m is not None:
@@ -140,12 +148,12 @@ def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
     return Estimate(
         motor_rad_s=mean,
         motor_ratio=mean / free if free else 0.0,
-        motor_spread_rad_s=max(speeds) - min(speeds),
+        motor_spread_rad_s=fastest - slowest,
         hood_deg=encoder_deg if is_heard else screw_deg,
         hood_screw_deg=screw_deg,
         distance_m=distance,
         distance_sigma_m=None if sighting is None else sighting.sigma_m,
-        battery_v=sum([motor.bus_v for motor in inputs.flywheels]) / len(speeds),
+        battery_v=bus_v / len(wheels),
         oldest_s=_oldest_s(inputs, config),
         sighting_s=None if sighting is None else (inputs.t_ns - sighting.t_ns) * NS,
         closing_m_s=rate, toward_m_s=toward, leftward_m_s=leftward, bearing_deg=bearing,
@@ -168,10 +176,11 @@ def _velocity(inputs: Inputs, sighting: Sighting | None, config: Config) -> Velo
 
 
 def _oldest_s(inputs: Inputs, config: Config) -> float:
-    stamps_ns = [inputs.hood_motor.t_ns, inputs.feeder.t_ns, *[motor.t_ns for motor in inputs.flywheels]]
-    if config.hood_encoder.is_heard:
-        stamps_ns.append(inputs.hood_angle.t_ns if inputs.hood_angle else 0)
-    oldest_ns = min(stamps_ns)
+    oldest_ns = inputs.hood_motor.t_ns
+    if config.hood_encoder.is_heard and (inputs.hood_angle is None or inputs.hood_angle.t_ns < oldest_ns):
+        oldest_ns = 0 if inputs.hood_angle is None else inputs.hood_angle.t_ns
+    for motor in (inputs.feeder, *inputs.flywheels):
+        oldest_ns = motor.t_ns if motor.t_ns < oldest_ns else oldest_ns
     return (inputs.t_ns - oldest_ns) * NS
 
 

@@ -8,9 +8,8 @@ gets no torque, but it is not released.
 """
 
 import math
-from typing import NamedTuple
 
-from msgspec import UNSET
+from msgspec import UNSET, Struct
 from msgspec.structs import replace
 
 from truearc.hw import fault_codes as codes
@@ -72,7 +71,7 @@ UNSEEN_MOTION = frozenset((because.SWITCH_NOT_REACHED.name, because.JOINT_NOT_TU
 FREE = Joint()
 
 
-class Watch(NamedTuple):
+class Watch(Struct, frozen=True):
     """What the tick knows of motion before it decides; `ready`: under control and without errors."""
 
     wheels: Joint
@@ -106,7 +105,7 @@ class Watch(NamedTuple):
         return [*found, because.WHEELS_IDLE()] if self.is_idle else found
 
 
-class Wanted(NamedTuple):
+class Wanted(Struct, frozen=True):
     """Set points of this tick: the motor speed of the wheels, 0 for none; the hood's, None while something else moves
     it.
 
@@ -284,22 +283,27 @@ def _wheels(inputs: Inputs, wanted_rad_s: float, joint: Joint, asked_nm: float,
     """The wheels' memory and what is wrong with their motion."""
     t_ns = inputs.t_ns
     joint = _with_peak(joint, wanted_rad_s, t_ns)
-    speeds = [motor.velocity_rad_s for motor in inputs.flywheels]
-    fastest, slowest = max(speeds), min(speeds)
     if joint.cause is not None:
         return joint, None
+    fastest = slowest = inputs.flywheels[0].velocity_rad_s
+    for motor in inputs.flywheels:
+        speed = motor.velocity_rad_s
+        if speed > fastest:
+            fastest = speed
+        elif speed < slowest:
+            slowest = speed
     if asked_nm < 0.0:                # turned the other way, or braked: all signs change
         fastest, slowest = -slowest, -fastest
     joint = _with_push(joint, asked_nm, slowest if asked_nm >= 0.0 else -slowest,
                        inputs.flywheels[0].t_ns, t_ns)
     peak, free = joint.peak_rad_s, config.rig.launcher.free_speed_rad_s or math.inf
-    if max(fastest, -slowest) > FREE_SPEED * free:
+    if fastest > FREE_SPEED * free or -slowest > FREE_SPEED * free:
         return joint, because.JOINT_OVERSPEED(joint=WHEELS, speed_rad_s=fastest, factor=FREE_SPEED, top_rad_s=free)
-    top = max(OVERSPEED * peak, min(BACKWARDS * free, SLOW_RAD_S))
-    if fastest > top and (asked_nm != 0.0 or _is_driven(inputs, config)
-                          or slowest > joint.push_rad_s + BACKWARDS * peak):
+    if fastest > OVERSPEED * peak and fastest > min(BACKWARDS * free, SLOW_RAD_S) and (
+            asked_nm != 0.0 or _is_driven(inputs, config)
+            or slowest > joint.push_rad_s + BACKWARDS * peak):
         return joint, because.JOINT_OVERSPEED(joint=WHEELS, speed_rad_s=fastest, factor=OVERSPEED, top_rad_s=peak)
-    if joint.push and slowest < min(joint.push * joint.push_rad_s, 0.0) - BACKWARDS * peak:
+    if joint.push and slowest < -BACKWARDS * peak and slowest < joint.push * joint.push_rad_s - BACKWARDS * peak:
         return joint, because.JOINT_BACKWARDS(joint=WHEELS)
     if asked_nm < 0.0 and slowest < 0.0:
         return joint, None            # braked
@@ -324,8 +328,8 @@ def _with_peak(joint: Joint, wanted_rad_s: float, t_ns: int) -> Joint:
 def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float, t_ns: int,
              config: Config) -> tuple[Joint, Reason | None]:
     """Whether the slower of the wheels' motors answers to a torque that must turn it."""
-    full = asked_nm >= FULL * config.flywheel.pid.output_high
     friction_nm, most_nm = config.flywheel.ks_nm, config.flywheel.pid.output_high
+    full = asked_nm >= FULL * most_nm
     is_hard, longest_ns = full or asked_nm > HARD * friction_nm > 0.0, FULL_NS if full else PUSH_NS
     if not is_hard and slowest < SLOW * wanted_rad_s and asked_nm > max(SOFT * friction_nm, 0.0):
         is_hard, longest_ns = True, round(PUSH_NS * max(1.0, SOFT_SHARE * most_nm / asked_nm))
@@ -379,18 +383,19 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted_deg: float | None, limit_ra
     joint, differing = _compared(inputs, estimate, memory, joint, asked_nm, config)
     if joint.cause is not None:
         return joint, None
-    speed = inputs.hood_motor.velocity_rad_s
-    joint = _with_push(joint, asked_nm, speed, inputs.hood_motor.t_ns, inputs.t_ns)
+    motor, speed = inputs.hood_motor, inputs.hood_motor.velocity_rad_s
+    joint = _with_push(joint, asked_nm, speed, motor.t_ns, inputs.t_ns)
     if joint.differ >= DIFFERENT:
         return joint, differing
     if joint.push:
-        if joint.push * speed > motors.HOOD_OVERSPEED * limit_rad_s:
+        along_rad_s, back_rad_s = joint.push * speed, HOOD_BACKWARDS * limit_rad_s
+        if along_rad_s > motors.HOOD_OVERSPEED * limit_rad_s:
             return joint, because.JOINT_OVERSPEED(joint=HOOD, speed_rad_s=speed, factor=motors.HOOD_OVERSPEED,
                                                   top_rad_s=limit_rad_s)
-        if joint.push * speed < min(joint.push * joint.push_rad_s, 0.0) - HOOD_BACKWARDS * limit_rad_s:
+        if along_rad_s < -back_rad_s and along_rad_s < joint.push * joint.push_rad_s - back_rad_s:
             return joint, because.JOINT_BACKWARDS(joint=HOOD)
-    screw_deg, motor = estimate.hood_screw_deg, inputs.hood_motor
-    if screw_deg is not None and screw_deg > config.hood.low_deg + SWITCH_OPEN_DEG and motor.endstop and is_fresh(
+    screw_deg = estimate.hood_screw_deg
+    if motor.endstop and screw_deg is not None and screw_deg > config.hood.low_deg + SWITCH_OPEN_DEG and is_fresh(
             inputs, motor.endstop_t_ns, config):
         return joint, because.SWITCH_STUCK(angle_deg=screw_deg)
     joint, cause = _moving(inputs, wanted_deg, memory, joint, asked_nm, config)
@@ -528,7 +533,13 @@ def _switch_doubt(inputs: Inputs) -> Reason | None:
 def here_deg(estimate: Estimate, hood: Hood) -> float:
     """Return the hood's elevation within its travel; if it is unknown, the lower end."""
     known = estimate.hood_deg if estimate.hood_deg is not None else estimate.hood_screw_deg
-    return hood.low_deg if known is None else min(max(known, hood.low_deg), hood.high_deg)
+    return hood.low_deg if known is None else within_travel(known, hood)
+
+
+def within_travel(elevation_deg: float, hood: Hood) -> float:
+    """Return the elevation, or the end of the hood's travel that is nearest to it."""
+    return (hood.low_deg if elevation_deg < hood.low_deg else
+            hood.high_deg if elevation_deg > hood.high_deg else elevation_deg)
 
 
 # --- both

@@ -2,7 +2,6 @@
 
 import math
 from collections import Counter
-from functools import lru_cache
 
 from truearc.errors import InputError
 from truearc.hw.bus_rules import WINDOW_NS, AllowedBus, MonitoredBus, Rules
@@ -16,23 +15,19 @@ from truearc.robot.config.schema import CameraConfig, Config, Hood
 
 def screw_length_m(elevation_deg: float, hood: Hood) -> float:
     """Return the distance from the screw motor's pivot to the nut at a launch elevation."""
-    return _side_m(hood.included_deg + elevation_deg, hood.pivot_to_motor_m, hood.pivot_to_nut_m)
-
-
-def _side_m(included_deg: float, a: float, b: float) -> float:
-    return math.sqrt(a * a + b * b - 2.0 * a * b * math.cos(math.radians(included_deg)))     # law of cosines
-
-
-_kept_side_m = lru_cache(8)(_side_m)  # of the lowest elevation, asked for in each tick
+    a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
+    included = math.radians(hood.included_deg + elevation_deg)
+    return math.sqrt(a * a + b * b - 2.0 * a * b * math.cos(included))       # law of cosines
 
 
 def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
     """Return the launch elevation for this turn of the screw motor up from the limit switch; None beyond the
     linkage."""
     a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
-    travel = turned_rad * hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi)
-    length = _kept_side_m(hood.included_deg + hood.low_deg, a, b) + travel
-    cosine = (a * a + b * b - length * length) / (2.0 * a * b)
+    squares, twice = a * a + b * b, 2.0 * a * b
+    lowest = math.sqrt(squares - twice * math.cos(math.radians(hood.included_deg + hood.low_deg)))
+    length = lowest + turned_rad * hood.screw_gear * hood.screw_lead_m / math.tau
+    cosine = (squares - length * length) / twice
     if not -1.0 <= cosine <= 1.0:
         return None
     return math.degrees(math.acos(cosine)) - hood.included_deg
@@ -40,9 +35,9 @@ def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
 
 def elevation_per_rad(elevation_deg: float, hood: Hood) -> float:
     """Return degrees of elevation per radian of the screw motor, at a launch elevation."""
-    included = math.radians(hood.included_deg + elevation_deg)
-    lever = hood.pivot_to_motor_m * hood.pivot_to_nut_m * math.sin(included) / screw_length_m(elevation_deg, hood)
-    return math.degrees(hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi) / lever)
+    included, a, b = math.radians(hood.included_deg + elevation_deg), hood.pivot_to_motor_m, hood.pivot_to_nut_m
+    length = math.sqrt(a * a + b * b - 2.0 * a * b * math.cos(included))     # as screw_length_m, in one call
+    return math.degrees(hood.screw_gear * hood.screw_lead_m / math.tau / (a * b * math.sin(included) / length))
 
 
 def screw_rad(elevation_deg: float, hood: Hood) -> float:

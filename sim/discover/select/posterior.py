@@ -32,7 +32,7 @@ from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.infer.likelihood.layout import Layout, with_curve
 from truearc.sim.infer.likelihood.score_table import Array, Column, PlaneScores, ScoreTable, fit_linear
 from truearc.sim.physics.catalogue import find_nameless
-from truearc.sim.statistics import invert
+from truearc.sim.statistics import Z90, invert
 
 KNOTS = 8                             # with the shortest length no bend is lost
 # Chosen: a bump in a part of the range, a bend, a slope
@@ -370,7 +370,18 @@ def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covari
     found += [Hypothesis(names, None, nats, pair_prior, sizes) for key, (nats, names, sizes) in guesses.items()
               if key not in pairs]
     found += [Hypothesis(one.names, None, nats, pair_prior, terms.sizes_of(one)) for one, nats in pairs.values()]
-    found = _flown(found, bases)
+    direction = {column.name: column.direction for column in fitted.scores.columns}
+
+    def is_hidden(one: Hypothesis) -> bool:
+        """Whether an unexplained change in the name's direction moves the size out of its own 90 % interval: the two
+        then share one effect in parts that nobody knows, and only the size of the whole says something."""
+        if one.family is None or not one.names or one.family.column in one.names:
+            return False
+        whole = alone[one.names[0]]
+        return (direction[one.family.column] == direction[one.names[0]]
+                and abs(one.sizes[0].amplitude - whole.amplitude) > Z90 * whole.sd)
+
+    found = [replace(one, sizes=(alone[one.names[0]],)) if is_hidden(one) else one for one in _flown(found, bases)]
     return Hypotheses(tuple(found), _probability(found), {one.names: one for one, _ in pairs.values()})
 
 
