@@ -71,12 +71,12 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
 def _named(objection: Flaw, dataset: Dataset) -> Flaw:
     """Return the objection with the files' own column names, and what they are read as."""
     file, _, keys = objection.place.rpartition(": ")
-    names = {"tracks": dataset.track_columns, dataset.shots.source: dataset.shots.written}.get(file, {})
-    read = [f"{key} is the file's {names[key][0]}" for key in re.findall(r"\w+", keys)
-            if key in names and names[key][0] != key]
+    written = {"tracks": dataset.track_columns, dataset.shots.source: dataset.shots.written}.get(file, {})
+    names = {key: name for key, (name, *_) in written.items() if name != key}
+    read = [f"{key} is the file's {names[key]}" for key in re.findall(r"\w+", keys) if key in names]
     if not read:
         return objection
-    own = re.sub(r"\w+", lambda key: names.get(key[0], key)[0], keys)
+    own = re.sub(r"\w+", lambda key: names.get(key[0], key[0]), keys)
     return objection._replace(place=f"{file}: {own}", what=f"{objection.what} ({', '.join(read)})")
 
 

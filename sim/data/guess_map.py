@@ -280,7 +280,7 @@ class _Guessing:
 
         def read(unit: str) -> Floats:
             scale, zero = maps.factor_of(column, unit) or (1.0, 0.0)
-            return np.abs(numbers * scale) if column == MOTOR else (numbers - zero) * scale
+            return np.asarray(np.abs(numbers * scale) if column == MOTOR else (numbers - zero) * scale)
 
         def outside(values: Floats) -> np.ndarray:
             """Those out of the range; all where too many are. One cell alone is named when the table is read."""
