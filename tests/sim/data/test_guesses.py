@@ -11,7 +11,7 @@ import pytest
 import truearc as ta
 from tests.sim.data.test_guess_table import RIG
 from truearc.cli.main import main
-from truearc.robot.config.shot_map import as_signal, unit_in
+from truearc.robot.config.shot_map import as_signal
 from truearc.sim.data.guess_map import time_column
 from truearc.sim.data.import_shots import guess
 from truearc.sim.data.table import any_table
@@ -164,12 +164,6 @@ def test_shots_that_follow_each_other_evenly_are_no_log(tmp_path: Path) -> None:
     for name in ("Time (s)", "time", "Timestamp"):
         rows_ = "".join(f"{(1 if name == 'Timestamp' else 10) * k},3,3000\n" for k in range(40))
         assert time_column(any_table(write(tmp_path, "a.csv", f"{name},Dist,RPM\n{rows_}"))) is None
-
-
-@pytest.mark.parametrize(("name", "unit"), [("ActualRPS", "rps"), ("DistanceMM", "mm"), ("distanceIn", "in"),
-                                            ("DistanceFt", "ft"), ("Begin", ""), ("Alarm", ""), ("BATTERYV", "")])
-def test_units_at_the_end_of_camel_case(name: str, unit: str) -> None:
-    assert unit_in(name) == unit
 
 
 # --- workbooks
