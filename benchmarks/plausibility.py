@@ -251,7 +251,7 @@ def stopped(back: float, floor: bool) -> Spoil:
 def under_feet(dataset: Dataset, rng: np.random.Generator) -> Dataset | None:
     """Metres in a column of feet."""
     wrong = column("distance_m", lambda old: old * FT)(dataset, rng)
-    return wrong and replace(wrong, shots=replace(wrong.shots, written={"distance_m": "distance_ft"}))
+    return wrong and replace(wrong, shots=replace(wrong.shots, written={"distance_m": ("distance_ft", FT, 0.0)}))
 
 
 # kind -> what is spoiled, and what the first sentence has to say

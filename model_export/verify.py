@@ -33,7 +33,7 @@ def features_of(shots: Shots, name: str) -> np.ndarray:
         lacking = [shots.shot_id[row] for row in np.flatnonzero(np.isnan(shots.number(feature.name)))]
         if lacking:
             more = f" and {len(lacking) - NAMED} more" if len(lacking) > NAMED else ""
-            written = shots.written.get(feature.name, feature.name)
+            written, *_ = shots.written.get(feature.name, (feature.name,))
             raise InputError(f"{name}: column {written}: no value for shot_id {', '.join(lacking[:NAMED])}{more}")
     return np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
 

@@ -66,7 +66,7 @@ def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memo
                       config.feeder.torque_nm if feeding else 0.0)
     return command, replace(memory, flywheel=wheel_pid, hood=hood_pid, feed_t_ns=feed_t_ns,
                             motion=watched.remember(flywheel, hood), failures=watched.failures[1] or UNSET,
-                            wheel_failures=watched.failures[0] or UNSET,
+                            wheel_failures=watched.failures[0] or UNSET, unanswered=watched.unanswered,
                             steady_t_ns=_steady_since(inputs, estimate, aim, memory, config))
 
 

@@ -301,6 +301,11 @@ def check_answer_times(config: Config, heard: Heard) -> Finding:
     check, limit_s = "feedback", config.gate.reading_age_s / 2      # the rest is for a device's own period and a tick
     times = {name: took_s for name, axis in name_axes(config) for question in family_of(axis).questions(axis, None)
              if question.is_remote and (took_s := heard.answer_s(question)) is not None}
+    encoder = encoder_family_of(config.hood_encoder)
+    for question in encoder.questions(config.hood_encoder)[:1]:
+        answer_id = encoder.answer_id(config.hood_encoder)
+        if answer_id is not None and (took_s := heard.answer_s(question, answer_id)) is not None:
+            times["hood encoder"] = took_s
     if not times:
         return warning(check, "no device can be asked how late its readings come", "see with --move")
     if late := [f"{name} {took_s * 1e3:.0f} ms" for name, took_s in times.items() if took_s > limit_s]:

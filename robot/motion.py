@@ -9,7 +9,7 @@ gets no torque, but it is not released.
 
 import math
 
-from msgspec import UNSET, Struct
+from msgspec import UNSET, Struct, UnsetType
 from msgspec.structs import replace
 
 from truearc.hw import fault_codes as codes
@@ -20,7 +20,7 @@ from truearc.robot import motors
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Hood
 from truearc.robot.estimate import Doubts, is_fresh
-from truearc.robot.types import Estimate, Inputs, Joint, Memory, MotionMemory
+from truearc.robot.types import Estimate, Inputs, Joint, Memory, MotionMemory, Unanswered
 
 WHEELS, HOOD, SWITCH = "wheels", "hood", "hood limit switch"
 RECOVER_NS = 300_000_000              # of good readings: three heartbeats of a device, in which it would tell errors
@@ -51,6 +51,11 @@ FAILURES = 3                          # in a row, each of which may have moved a
 # In a row, each of which may have sped up wheels that nothing shows turning: full torque takes the shipped ones to half
 # of a usual set point each time, and they coast for longer than a driver needs to arm again
 WHEEL_FAILURES = 2
+# Torque in pieces, each shorter than an interlock's time, adds up until motion shows: of wheels, in seconds of the full
+# torque, as much as two failures; of a hood whose place is not known, as much as three
+WHEELS_S, HOOD_S = 0.4, 0.75
+SEEN_RAD = math.radians(0.5)          # of the hood's encoder: more than its noise and play
+SETTLED_NS = 2 * NS_PER_S             # armed and sound for so long: what was wrong with the hood has been mended
 # Times the stated friction that moves wheels by a loop too soft for the others. From that share of the torque limit on
 # it may not for PUSH_NS; by less torque for longer in proportion, in which it adds no more speed
 SOFT, SOFT_SHARE = 1.5, 0.2
@@ -64,10 +69,11 @@ LATCHING = frozenset((codes.ENCODER_STUCK.name, codes.ENCODER_MISMATCH.name, cod
 STALLS = frozenset((because.TICKS_STALLED.name, codes.DUPLICATE_ID.name))    # waiting frames look like another device's
 # With these no reading can be trusted to be of our device, of this moment, or ours to act on
 EVERYWHERE = STALLS | {because.CAN_LOST.name, codes.FOREIGN_HOST.name}
-# Latched for these, and without a hood encoder for those, the hood may have moved further than is known
-UNKNOWN_MOTION = frozenset((because.HOOD_ENCODERS_DISAGREE.name, because.HOOD_UNKNOWN.name))
-UNSEEN_MOTION = frozenset((because.SWITCH_NOT_REACHED.name, because.JOINT_NOT_TURNING.name, because.HOOD_JAMMED.name,
-                           codes.ENCODER_STUCK.name, codes.ENCODER_MISMATCH.name))
+# Latched for these, the hood may have moved further than is known: with a hood encoder, and without one
+_UNSURE = frozenset((because.SWITCH_NOT_REACHED.name, because.JOINT_BACKWARDS.name, codes.ENCODER_STUCK.name,
+                     codes.ENCODER_MISMATCH.name))
+UNKNOWN_MOTION = _UNSURE | {because.HOOD_ENCODERS_DISAGREE.name, because.HOOD_UNKNOWN.name}
+UNSEEN_MOTION = _UNSURE | {because.JOINT_NOT_TURNING.name, because.HOOD_JAMMED.name}
 FREE = Joint()
 
 
@@ -86,6 +92,7 @@ class Watch(Struct, frozen=True):
     is_idle: bool = False
     is_short: bool = False            # the hood does not reach its set point, and is not pushed any more
     failures: tuple[int, int] = (0, 0)        # of wheels and hood, in a row, in each of which one may have moved unseen
+    unanswered: Unanswered | UnsetType = UNSET
     deg_per_rad: float = 0.0          # elevation by the hood motor's angle where the hood is; 0: not worked out
 
     def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> MotionMemory:
@@ -153,8 +160,12 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
         hood = _follow(hood, latching or why, everywhere or doubt or switch or passing, t_ns, uncounted)
     wheels = wheels if wheels.taken_t_ns or wheels.cause is not None else replace(wheels, taken_t_ns=t_ns)
     hood = hood if hood.taken_t_ns or hood.cause is not None else replace(hood, taken_t_ns=t_ns)
+    unanswered, wheels, hood = (
+        _add_up(inputs, wanted.wheels_rad_s, memory, last, wheels, hood, config)
+        if memory.unanswered is not UNSET or wheels.stuck_t_ns or (
+            last.hood_torque_nm and not (memory.homed and config.hood_encoder.is_heard)) else (UNSET, wheels, hood))
     # UNSET is false
-    hood, failed = _counted(hood, last.hood, memory, config) if hood.is_latched or memory.failures else (hood, 0)
+    hood, failed = (_counted(hood, last, memory, t_ns, config) if hood.is_latched or memory.failures else (hood, 0))
     wheels, failed_wheels = (_counted_wheels(wheels, last.wheels, inputs, wanted.wheels_rad_s, memory)
                              if wheels.is_latched or memory.wheel_failures else (wheels, 0))
     feeder_ready = not of_feeder and by_axis[2] == (None, None)
@@ -168,7 +179,7 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
                 and not abs(estimate.hood_deg - hood.dropped_deg) <= config.hood.tolerance_deg)
     return Watch(wheels, hood, doubts, wheels_ready, hood_ready, feeder_ready, everywhere is None, last.armed_t_ns,
                  active_t_ns, idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short,
-                 (failed_wheels, failed), deg_per_rad)
+                 (failed_wheels, failed), unanswered, deg_per_rad)
 
 
 # --- faults and doubts
@@ -241,17 +252,43 @@ def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns:
     return replace(joint, cause=None, good_t_ns=0) if t_ns - joint.good_t_ns >= RECOVER_NS else joint
 
 
-def _counted(hood: Joint, before: Joint, memory: Memory, config: Config) -> tuple[Joint, int]:
+def _add_up(inputs: Inputs, wanted_rad_s: float, memory: Memory, last: MotionMemory, wheels: Joint, hood: Joint,
+            config: Config) -> tuple[Unanswered | UnsetType, Joint, Joint]:
+    """The torque that no motion has answered yet, with that of the last tick; the joints, latched where it is much."""
+    tick_s, most_nm, asked_nm = 1.0 / config.tick_hz, config.flywheel.pid.output_high, last.flywheel_torque_nm
+    before = Unanswered() if memory.unanswered is UNSET else memory.unanswered
+    wheels_s = before.wheels_s
+    if wheels.stuck_t_ns or asked_nm >= FULL * most_nm:
+        wheels_s += abs(asked_nm) / most_nm * tick_s
+    has_risen = last.wheels.slow_t_ns and wheels.slow_t_ns == inputs.t_ns
+    if wanted_rad_s > 0.0 and (has_risen or min([motor.velocity_rad_s for motor in inputs.flywheels])
+                               >= SLOW * wanted_rad_s):
+        wheels_s = 0.0
+    hood_s, at_rad, is_blind = before.hood_s, before.hood_rad, not config.hood_encoder.is_heard
+    if abs(last.hood_torque_nm) > config.hood.friction_nm and (is_blind or not memory.homed):
+        hood_s += tick_s
+    angle_rad = None if inputs.hood_angle is None or is_blind else inputs.hood_angle.angle_rad
+    at_rad = angle_rad if at_rad is None else at_rad
+    if hood.moved_t_ns == inputs.t_ns if angle_rad is None or at_rad is None else abs(angle_rad - at_rad) > SEEN_RAD:
+        hood_s, at_rad = 0.0, None
+    if wheels_s >= WHEELS_S and not wheels.is_latched and (memory.wheel_failures or 0) < WHEEL_FAILURES:
+        wheels = Joint(because.JOINT_NOT_TURNING(joint=WHEELS, torque_nm=asked_nm), True)
+    if hood_s >= HOOD_S and not hood.is_latched and (memory.failures or 0) < FAILURES:
+        hood = Joint(because.JOINT_NOT_TURNING(joint=HOOD, torque_nm=last.hood_torque_nm), True)
+    return Unanswered(wheels_s, hood_s, at_rad) if wheels_s or hood_s else UNSET, wheels, hood
+
+
+def _counted(hood: Joint, last: MotionMemory, memory: Memory, t_ns: int, config: Config) -> tuple[Joint, int]:
     """The hood and how many times in a row it was latched while it may have moved unseen: after FAILURES for good."""
-    failures, is_blind = memory.failures, not config.hood_encoder.is_heard
+    failures, is_blind, before = memory.failures, not config.hood_encoder.is_heard, last.hood
     if failures is UNSET:
         failures = 0
-    if failures and (hood.moved_t_ns > 1 if is_blind else memory.homed):
+    if failures and (hood.moved_t_ns > 1 if is_blind else
+                     memory.homed and hood.cause is None and t_ns - last.armed_t_ns > SETTLED_NS):
         failures = 0
     if hood.is_latched and not before.is_latched and hood.cause is not None:
         codes = _codes_of(hood.cause)
-        failures += bool(codes & UNSEEN_MOTION and before.moved_t_ns <= 1 if is_blind
-                         else codes & UNKNOWN_MOTION and not memory.homed)
+        failures += bool(codes & UNSEEN_MOTION and before.moved_t_ns <= 1 if is_blind else codes & UNKNOWN_MOTION)
     if failures >= FAILURES and not hood.is_latched:
         return Joint(because.HOOD_GIVEN_UP(count=failures), True), failures
     return hood, failures

@@ -186,6 +186,14 @@ class MotionMemory(Struct, frozen=True, omit_defaults=True):
     hood_torque_nm: float = 0.0
 
 
+class Unanswered(Struct, frozen=True, omit_defaults=True):
+    """Torque that no motion has answered yet, through releases, gaps and disarming."""
+
+    wheels_s: float = 0.0                         # of full torque
+    hood_s: float = 0.0                           # above friction
+    hood_rad: float | None = None                 # where its encoder was when it last moved
+
+
 class Pid(Struct, frozen=True):
     """Memory of one PID loop."""
 
@@ -293,6 +301,7 @@ class Memory(Struct, frozen=True):
     motion: MotionMemory | UnsetType = UNSET            # only while armed
     failures: int | UnsetType = UNSET             # of the hood, latched without its motion being known; absent: none
     wheel_failures: int | UnsetType = UNSET       # of the wheels, latched while nothing shows that they turn
+    unanswered: Unanswered | UnsetType = UNSET    # absent: all torque has shown in motion
 
 
 class Tick(Struct, frozen=True):

@@ -280,7 +280,8 @@ def errors(table: CanandmagConfig, faults: int) -> tuple[reason.Reason, ...]:
 CANANDMAG = EncoderFamily(
     driver="canandmag", table=CanandmagConfig, example=CanandmagConfig(5, 10, 40.0, 1), least_sigma_deg=0.0,
     make=lambda table, around: CanandmagEncoder(table),
-    make_rules=lambda table, each_tick: (make_rules(table.device, table.period_ms),), questions=lambda table: (),
-    errors=errors,
+    make_rules=lambda table, each_tick: (make_rules(table.device, table.period_ms),),
+    questions=lambda table: (make_period_query(table.device),) if table.period_ms else (),
+    answer_id=lambda table: frame_id(table.device, "REPORT_SETTING"), errors=errors,
     examine=lambda table, around, heard: (check_encoder(table.device, table.period_ms, around.longest_age_s, heard),),
     make_node=lambda table, plant, nodes: CanandmagNode(table.device, plant, table.zero_deg, table.direction))

@@ -148,9 +148,10 @@ class Heard(NamedTuple):
         answers = len(self.of(question.arbitration_id, question.is_extended))
         return math.ceil(answers / max(1, len(self._askings(question))))
 
-    def answer_s(self, question: Frame) -> float | None:
-        """Return the median time of the answers to a remote frame; None without any answer."""
-        came_ns = [frame.t_ns for frame in self.of(question.arbitration_id, question.is_extended)]
+    def answer_s(self, question: Frame, answer_id: int | None = None) -> float | None:
+        """Return the median time of the answers to a question, which have another id than it or, to a remote frame, the
+        same; None without any answer."""
+        came_ns = [frame.t_ns for frame in self.of(answer_id or question.arbitration_id, question.is_extended)]
         took_ns = [min(later) - asked_ns for asked_ns in self._askings(question)
                    if (later := [t_ns for t_ns in came_ns if t_ns >= asked_ns])]
         return statistics.median(took_ns) / NS_PER_S if took_ns else None
@@ -376,6 +377,7 @@ class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False)
     make: what reads it on the robot.
     make_rules: frames of it, and how often within WINDOW_NS one may be sent that each tick sends once.
     questions: what the doctor asks; no answer may need a change of the device.
+    answer_id: of the answers to the first question, which tell how late readings come; None where it has none.
     errors: why a reading with these `faults` (of AngleReading) is not to be believed, about a "motor".
     examine: the doctor's findings from what was heard.
     make_node: the emulated device, given those of the motors by name; None where one of them has it on board.
@@ -391,5 +393,6 @@ class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False)
     questions: Callable[[Table], Sequence[Frame]]
     examine: Callable[[Table, Around, Heard], Iterable[Finding]]
     make_node: Callable[[Table, Plant, Mapping[str, Node]], Node | None]
+    answer_id: Callable[[Table], int | None] = lambda table: None
     errors: Callable[[Table, int], Sequence[reason.Reason]] = lambda table, faults: ()
     make_off_bus: Callable[[Table, Plant], Encoder] | None = None

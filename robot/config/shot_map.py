@@ -79,6 +79,18 @@ def unit_in(key: str) -> str:
     return UNITS.get(found[1].lower().lstrip("_ "), "") if found else ""
 
 
+def in_unit(key: str, unit: str) -> str:
+    """Return the name of a key whose numbers are in another unit: Dist (in) for Dist (ft), distance_in for distance_m.
+    """
+    last = BRACKETS.search(key)
+    if last and last[1].lower() in UNITS:
+        return f"{key[:last.start(1)]}{unit}{key[last.end(1):]}"
+    if own := max((one for one in UNITS if key.lower().endswith(f"_{one}")), key=len, default=""):
+        return f"{key.removesuffix(key[-len(own):])}{unit}"
+    found = SUFFIX.search(key) or CAMEL.search(key)
+    return f"{key[:found.start()].rstrip() if found else key} ({unit})"
+
+
 # --- the map
 
 SCHEMA: Final = "truearc.shot-map/1"

@@ -115,15 +115,21 @@ def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: floa
     return np.where(sound, speed, np.inf)
 
 
+def flown_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
+    """Return the rows of shots with a distance, an angle and a speed."""
+    shots = dataset.shots
+    speed = launch_state(dataset.rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan))
+    return np.flatnonzero(np.isfinite(shots.number("distance_m") + elevation_deg(dataset) + speed))
+
+
 def judged_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
-    """Return the rows of shots known to have reached the target, with a distance, an angle and a speed; none of few."""
+    """Return the rows of those that are known to have reached the target; none of few."""
     shots, target = dataset.shots, dataset.rig.target
     heights = shots.number("miss_height_m")
     scored = np.isin(shots.text("outcome"), ("two", "three"))
     if target is not None and len(set(heights[np.isfinite(heights)].tolist())) > 1:       # no table of aims
         scored |= np.abs(heights) <= target.two_half_height_m
-    speed = launch_state(dataset.rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan))
-    rows = np.flatnonzero(scored & np.isfinite(shots.number("distance_m") + elevation_deg(dataset) + speed))
+    rows = np.intersect1d(np.flatnonzero(scored), flown_shots(dataset))
     if target is None or len(rows) < SCORES:
         return rows[:0]
     return np.asarray(rows[np.linspace(0, len(rows) - 1, min(SHOTS, len(rows))).astype(int)])
@@ -349,6 +355,12 @@ def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 
     return Fit(float(last.score[at]), float(np.maximum(each - ORDINARY, 0.0) @ readings[0].weight + common),
                float(each @ readings[0].weight + common), best[at], last.rest[at],
                np.unique(readings[0].whose[last.which[at] > 0]))
+
+
+def speeds_off(reading: Reading, rows: Int[np.ndarray, " n"], known: Fit) -> Floats:
+    """Return by how much shots [n] were too fast for where they were aimed at, in logs, at most 1."""
+    flown, _ = _of_shots(reading.dataset, rows, (STEPS, TURNS))
+    return np.asarray(np.clip(np.nan_to_num(flown(known.values[None])[0][0], nan=-LOST), -1.0, 1.0))
 
 
 def lifts_less(rows: Rows, known: Fit) -> float:

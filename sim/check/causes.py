@@ -1,7 +1,6 @@
 """Likely slips: the data with each slip of slips.toml undone, and how usual the sizes of their numbers are."""
 
 import math
-import re
 import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -11,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec import structs
 
+from truearc.robot.config.shot_map import in_unit
 from truearc.sim.check.believable import Reading
 from truearc.sim.check.motion import Motion
 from truearc.sim.data.dataset import Dataset, Floats
@@ -165,7 +165,9 @@ def _of_shots(reading: Reading, row: dict[str, Any], groups: dict[str, list[str]
     gears = {f"wheel_{wheel.name}_rad_s": wheel.gear for wheel in wheels}
     for first in filter(groups.get, row["of"]):
         others = [name for other in row.get("exchange", ()) for name in groups.get(other, [])]
-        changes = [{first: shots.number(other), other: shots.number(first)} for other in others]
+        sizes = {name: shots.written.get(name, ("", 1.0))[1] for name in (first, *others)}
+        changes = [{first: shots.number(other) / sizes[other] * sizes[first],
+                    other: shots.number(first) / sizes[first] * sizes[other]} for other in others]
         if "exchange" not in row:
             changes = [{name: shots.number(name) * row.get("times", gears.get(name, 1.0)) + row.get("plus", 0.0)
                         for name in groups[first]}]
@@ -177,17 +179,15 @@ def _units(reading: Reading, names: list[str], about: dict[str, Any]) -> Iterato
     """Yield other units for columns, in all rows or in some; heights may be those above the floor."""
     shots, target, units = reading.dataset.shots, reading.dataset.rig.target, UNITS[about["units"]]
     place = f"{shots.source}: {', '.join(names)}"
-    written = shots.written.get(names[0], names[0]).lower()
+    written, size, _ = shots.written.get(names[0], (names[0], 1.0, 0.0))
     own = next(unit for unit, (_, factor) in units.items() if factor == 1.0)
-    read = next((unit for unit, (suffix, _) in units.items()
-                 if suffix and re.search(rf"[_ (\[]{suffix}[)\]]?$", written)), own)
-    stem = names[0].removesuffix(f"_{units[own][0]}")
+    read = next((unit for unit, (_, factor) in units.items() if math.isclose(factor, size)), own)
     for unit, (suffix, factor) in units.items():
         by = factor / units[read][1]
         undone = _with_numbers(reading, {name: shots.number(name) * by for name in names})
         if unit != read:
-            rename = (f"rename {'each' if len(names) > 1 else 'the column'} to {stem}_{suffix}" if suffix else
-                      f"multiply them by {factor:g}")
+            rename = f"rename {'each' if len(names) > 1 else 'the column'} to {in_unit(written, suffix)}"
+            rename = rename if suffix else f"multiply them by {factor:g}"
             rename += f" or multiply it by {factor:.3g}" if unit == "radians" else ""
             # a column says its unit or, in metres, has it by default
             yield Cause(Flaw(about["check"], place, f"these look like {unit}: {rename}"), undone,

@@ -20,7 +20,7 @@ from truearc.sim.check import believable
 from truearc.sim.check.believable import Fit, Reading, Rows, explain, judged_shots, rows_of
 from truearc.sim.check.causes import TABLE, UNITS, Flaw, causes, unusual, value_of
 from truearc.sim.check.motion import TRACKS, jolts, measure_motion
-from truearc.sim.data.dataset import Dataset, Floats, Times
+from truearc.sim.data.dataset import Dataset, Floats, Shots, Times
 from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.physics.simulate import has_wheels
 
@@ -36,6 +36,9 @@ SLACK = 8.0                           # nats by which a scatter may become more 
 MIXED = 1.5                           # nats that another unit in some rows costs; chosen: as exchanged columns
 LONE = 10.0                           # standard deviations of a single row; chosen: chance once in 10^4 by Student's t
 CLOSE = 2.0                           # nats within which another cause is named, too; chosen: seven times as likely
+SCORED, MISSED = 0.06, 0.15           # of log speeds, from what their aim needs; chosen: few launchers scatter more
+SURE = 4.0                            # standard errors by which high ones were slower; chosen: chance once in 30,000
+GEARED = 0.05                         # log by which ratios of speeds are those of gears; chosen: they slow by per cents
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's; chosen: as scales err
 OUNCE_KG = 0.0283495                  # definition
 UPRIGHT_DEG = 85.0                    # hood angles from which a ball need not go forwards; chosen: scatter turns it
@@ -58,15 +61,18 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
         objections = [_named(objection, dataset) for objection in _objections(dataset)]
     refused = [objection for objection in objections if not objection.warns and objection.check not in accept]
     if refused:
-        raise InputError("\n".join(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; if the "
-                                   f"data are right as recorded: --accept {objection.check})" for objection in refused))
+        anew = [f"Correct the file, and import it anew: {dataset.imported}"] if dataset.imported else []
+        raise InputError("\n".join([*(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; if the "
+                                      f"data are right as recorded: --accept {objection.check})"
+                                      for objection in refused), *anew]))
     return replace(dataset, accepted=tuple(f"{objection.check}: {objection}" for objection in objections))
 
 
 def _named(objection: Flaw, dataset: Dataset) -> Flaw:
     """Return the objection with the files' own column names, and what they are read as."""
     file, _, keys = objection.place.rpartition(": ")
-    names = {"tracks": dataset.track_columns, dataset.shots.source: dataset.shots.written}.get(file, {})
+    written = {"tracks": dataset.track_columns, dataset.shots.source: dataset.shots.written}.get(file, {})
+    names = {key: name for key, (name, *_) in written.items() if name != key}
     read = [f"{key} is the file's {names[key]}" for key in re.findall(r"\w+", keys) if key in names]
     if not read:
         return objection
@@ -113,6 +119,7 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
     known = explain([as_recorded])
     yield from _topspin(reading, as_recorded, known)
     if known.surprise < EXPECTED:
+        yield from _each(reading, known) if len(judged) else ()
         return
     # the shots that are farthest off, and as many others, tell which slips are promising
     odd = np.argsort(-np.abs(known.rest[:len(judged)]))[:FEW // 2]
@@ -154,6 +161,7 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
                                 "likelier")
     else:
         yield from _unexplained(reading, as_recorded.whose, known)
+        yield from _each(reading, known) if len(judged) else ()
 
 
 def _topspin(reading: Reading, rows: Rows, known: Fit) -> Iterator[Flaw]:
@@ -162,6 +170,42 @@ def _topspin(reading: Reading, rows: Rows, known: Fit) -> Iterator[Flaw]:
     if reading.motion is not None and np.isfinite(shots.number("exit_spin_rev_s")).any() and (
             believable.lifts_less(rows, known) > PRESSED):
         yield remark("topspin", source=shots.source)
+
+
+def _each(reading: Reading, known: Fit) -> Iterator[Flaw]:
+    """Yield warnings of what the speeds of all shots tell, misses among them: another unit of some, reversed signs."""
+    shots, rows = reading.dataset.shots, believable.flown_shots(reading.dataset)
+    missed = np.array(shots.text("outcome"))[rows] == "miss"
+
+    def off(undone: Reading) -> Floats:
+        return believable.speeds_off(undone, rows, known)
+
+    def nats(undone: Reading) -> Floats:
+        widths = off(undone) / np.where(missed, MISSED, SCORED)
+        return np.asarray(0.5 * (believable.FREEDOM + 1.0) * np.log1p(widths**2 / believable.FREEDOM))
+    found: list[tuple[float, Flaw]] = []
+    for cause in filter(lambda cause: cause.single, causes(reading._replace(motion=None))):
+        better = nats(reading) - nats(cause.undone) - believable.MIXED
+        ids = [shots.shot_id[row] for row in rows[better > 0.0]]
+        found.append((better[better > 0.0].sum() - MIXED, cause.flaw._replace(
+            warns=True, what=f"{len(ids)} of {len(rows)} shots look like {cause.single}; make sure of these: "
+            f"{_listed(ids)}")))
+    yield from (flaw for gain, flaw in sorted(found, reverse=True)[:1] if gain > BETTER)
+    up = ups(shots)[rows]
+    if min((up > 0.0).sum(), (up < 0.0).sum()) >= believable.SCORES:
+        # beside what the physics does not explain by distance and angle
+        by = np.column_stack([up, np.ones(len(rows)), shots.number("distance_m")[rows],
+                              believable.elevation_deg(reading.dataset)[rows]])
+        slope, *_ = np.linalg.lstsq(by, off(reading))
+        spread = np.std(off(reading) - by @ slope) * math.sqrt(np.linalg.pinv(by.T @ by)[0, 0])
+        if slope[0] < -SURE * spread:
+            yield remark("reversed", source=shots.source, column="side" if "side" in shots.texts else "miss_height_m")
+
+
+def ups(shots: Shots) -> Floats:
+    """Return 1 for shots that passed high, -1 for low ones, by the side or else the height; 0 where neither says it."""
+    side, height = np.array(shots.text("side")), np.nan_to_num(shots.number("miss_height_m"))
+    return np.select([side == "high", side == "low"], [1.0, -1.0], np.sign(height))
 
 
 def _unexplained(reading: Reading, whose: np.ndarray, known: Fit) -> Iterator[Flaw]:
@@ -211,9 +255,19 @@ def _stated(dataset: Dataset) -> Iterator[Flaw]:
                     if "spin" in name.lower())
     turning = {f"wheel_{wheel.name}_rad_s": abs(wheel.gear) for wheel in rig.launcher.wheel if wheel.gear}
     speeds = np.array([shots.number(name) for name in turning])
-    if len(turning) > 1 and max(turning.values()) > 1.3 * min(turning.values()) and (
-            np.isfinite(speeds[0]).sum() >= believable.SCORES and np.allclose(speeds, speeds[0], equal_nan=True)):
-        yield remark("equal", source=shots.source, columns=", ".join(turning))
+    if len(turning) > 1 and max(turning.values()) > 1.1 * min(turning.values()) and (
+            np.isfinite(speeds).all(axis=0).sum() >= believable.SCORES):
+        logs, gears = np.log(np.maximum(np.abs(speeds), 1e-9)), np.log([*turning.values()])
+        ratios = np.nanmedian(logs - logs[0], axis=1)
+        for name, off, most in (("equal", ratios, 1e-9), ("exchanged", ratios + gears - gears[0], GEARED)):
+            if np.abs(off).max() < most:
+                yield remark(name, source=shots.source, columns=", ".join(turning))
+    heights, sides = shots.number("miss_height_m"), np.array(shots.text("side"))
+    stated = np.isin(sides, ("low", "high")) & (np.abs(heights) > 0.0)
+    wrong = np.flatnonzero(stated & (np.where(sides == "low", -heights, heights) < 0.0))
+    if len(wrong):
+        yield remark("signs", source=shots.source, count=len(wrong), all=stated.sum(),
+                     shots=_listed([shots.shot_id[row] for row in wrong]))
 
 
 def _balls(dataset: Dataset) -> Iterator[Flaw]:

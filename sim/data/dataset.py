@@ -3,7 +3,7 @@
 import re
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import repeat
+from itertools import groupby, repeat
 from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -13,6 +13,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.printed import Printed, left_out_lines
 
 Floats = npt.NDArray[np.float64]
+Written = tuple[str, float, float]    # name in the file, how many of a column's unit are one of the file's, its zero
 Table = TypeVar("Table", bound="ShotSamples")
 
 
@@ -20,14 +21,14 @@ Table = TypeVar("Table", bound="ShotSamples")
 class Shots:
     """Shots in columns. `numbers`: float64 [n], nan = missing. `texts`: one string per shot, "" = missing.
 
-    `source`: the file they were read from, for messages; `written`: column -> its name in the file, if different.
+    `source`: the file they were read from, for messages; `written`: of columns that are called otherwise there.
     """
 
     shot_id: tuple[str, ...]
     numbers: dict[str, Floats]
     texts: dict[str, tuple[str, ...]]
     source: str = "shots"
-    written: dict[str, str] = field(default_factory=dict)
+    written: dict[str, Written] = field(default_factory=dict)
 
     @classmethod
     def of_settings(cls, distance_m: Floats, hood_deg: Floats, motor_ratio: Floats) -> "Shots":
@@ -121,7 +122,7 @@ class Dataset(Printed):
     """Contents of a directory of shots. `left_out`: excluded data with the reason, one line each.
 
     `accepted`: plausibility objections that the user accepted or that only warn. `track_columns`: like Shots.written,
-    for the tracks.
+    for the tracks. `imported`: the command that made it of a team's file, "" for none.
     """
 
     name: str
@@ -131,8 +132,9 @@ class Dataset(Printed):
     traces: Traces | None = None
     left_out: tuple[str, ...] = ()
     accepted: tuple[str, ...] = ()
-    track_columns: dict[str, str] = field(default_factory=dict)
+    track_columns: dict[str, Written] = field(default_factory=dict)
     times: Times | None = None
+    imported: str = ""
 
     @property
     def samples(self) -> dict[str, "Tracks | Traces | Times"]:
@@ -209,8 +211,9 @@ def _samples(table: ShotSamples, count: int) -> list[tuple[Any, ...]]:
     return [tuple(one) for one in found]
 
 
-# Chosen: copies are few; in a table of settings and outcomes alone, shots that were repeated look like copies
+# Chosen: copies are few or a block; in a table of settings and outcomes alone, repeated shots look like copies
 FEW_COPIES = 0.2                      # share of rows without times, from which equal ones are repeated shots
+BLOCK = 3                             # different rows after each other that are there again are copies
 MANY_SHOTS = 10                       # from which a voltage of one value is no chance; chosen: a voltmeter's steps
 MOST_EMPTY = 8                        # columns that a line names; chosen: a printed line
 LOST = {"distance_m": "where these shots passed the target is not used",
@@ -221,8 +224,14 @@ LOST = {"distance_m": "where these shots passed the target is not used",
 def _repeated(dataset: Dataset) -> Iterator[str]:
     """Rows that are the same as an earlier one but for their name; and other shots of one session's instant."""
     shots, ids = dataset.shots, dataset.shots.shot_id
-    copies = _again([key[:-1] for key in dataset._keys()])
-    if copies and (shots.timed or len(copies) <= FEW_COPIES * len(ids)):
+    numbered = len(ids) > 1 and np.median(np.diff(shots.number("t_s"))) == 1.0        # the order of rows is no time
+    plain = replace(dataset, shots=replace(shots, numbers={name: column for name, column in shots.numbers.items()
+                                                           if name != "t_s" or not numbered}))
+    keys = [key[:-1] for key in plain._keys()]
+    copies = _again(keys)
+    if not plain.shots.timed and len(copies) > FEW_COPIES * len(ids):
+        copies = _blocks(keys, copies)
+    if copies:
         yield (f"rows that repeat an earlier one but for the name: {_listed(ids, copies)}; a shot that is written "
                "twice counts twice")
     t_s, copied = shots.number("t_s"), {row for row, _ in copies}
@@ -238,6 +247,13 @@ def _again(keys: Sequence[Hashable]) -> list[tuple[int, int]]:
     """(place, place of the first that equals it) of each key that was there before."""
     first: dict[Hashable, int] = {}
     return [(row, first[key]) for row, key in enumerate(keys) if first.setdefault(key, row) != row]
+
+
+def _blocks(keys: Sequence[Hashable], pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Those of the pairs that are part of a block of different rows, which repeats an earlier one."""
+    runs = groupby(enumerate(pairs), lambda one: (one[1][0] - one[0], one[1][0] - one[1][1]))
+    blocks = [[pair for _, pair in run] for _, run in runs]
+    return [pair for block in blocks if len({keys[row] for row, _ in block}) >= BLOCK for pair in block]
 
 
 def _listed(ids: tuple[str, ...], pairs: Sequence[tuple[int, int]]) -> str:

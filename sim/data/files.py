@@ -6,7 +6,6 @@ NumPy or plain columns.
 
 import hashlib
 import sys
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,18 +18,24 @@ from msgspec import UnsetType
 from truearc.errors import InputError, load_text, make_toml, near_key, parse_struct, parse_table, reworded, unknown_keys
 from truearc.robot.config.rig_spec import Rig, rig_errors
 from truearc.sim.data import table as cols
-from truearc.sim.data.dataset import Dataset, Shots, Times, Traces, Tracks
+from truearc.sim.data.dataset import Dataset, Shots, Times, Traces, Tracks, Written
 from truearc.sim.data.table import Cell, Problems, RawTable, as_cell, find_table, gathered, load_table
 
 TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")
 TIME_COLUMNS = ("shot_id", "height_m", "t_s", "sigma_s")
 SAMPLES = ("tracks", "traces", "times")
 THREES = ("three", "3", "3.0")
-LEFT_OUT = "left_out.txt"
-DISTINCT = 10                         # fewest different shots of which as many copies of each are suspect
+LEFT_OUT, IMPORTED = "left_out.txt", "imported.toml"
 Column = Sequence[str] | np.ndarray
 FIRST = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome", "side")
 RIG = "rig.toml"
+
+
+class Imported(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What messages say of an imported dataset: the command, and the columns of the file that it was made of."""
+
+    command: str = ""
+    columns: dict[str, Written] = {}
 
 
 def load_dataset(directory: str | Path) -> Dataset:
@@ -52,9 +57,11 @@ def load_dataset(directory: str | Path) -> Dataset:
                   for path in (find_table(home, name) for name in SAMPLES)]
         dataset = assemble(home.resolve().name, rig, problems, load_table(shots_path, problems), *tables,
                            has_three=states_three(home / RIG))
-    said = home / LEFT_OUT
+    said, made = home / LEFT_OUT, home / IMPORTED
     lines = said.read_text(encoding="utf-8", errors="replace").splitlines() if said.is_file() else ()
-    return replace(dataset, left_out=tuple(lines))
+    imported = parse_struct(load_text(made), Imported, str(made)) if made.is_file() else Imported()
+    shots = replace(dataset.shots, written=imported.columns | dataset.shots.written)
+    return replace(dataset, shots=shots, left_out=tuple(lines), imported=imported.command)
 
 
 def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
@@ -71,13 +78,12 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
         raise InputError(f"{times.path}: there are tracks, too: they tell when the ball was where; keep one of the two")
     shots = _with_angles(cols.in_read_units(shots, cols.is_shot_column, problems), rig, problems)
     shots, rig = _settle_hits(shots, rig, has_three, problems)
-    checked = replace(_shots(shots, problems), written=_names(shots))
+    checked = replace(_shots(shots, problems), written=shots.written)
     _check_wheels(shots, rig, problems)
-    _warn_of_copies(checked)
     row_of = {name: row for row, name in enumerate(checked.shot_id)}
     tracks = tracks and cols.in_read_units(tracks, TRACK_COLUMNS.__contains__, problems)
     return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems),
-                   track_columns=_names(tracks) if tracks else {}, times=_times(times, row_of, problems))
+                   track_columns=tracks.written if tracks else {}, times=_times(times, row_of, problems))
 
 
 def hash_dataset(dataset: Dataset) -> str:
@@ -97,10 +103,6 @@ def _feed(digest: "hashlib._Hash", table: str, columns: dict[str, Sequence[str] 
         # repr round-trips floats and writes every nan alike
         cells = [repr(float(cell)) for cell in column] if isinstance(column, np.ndarray) else list(column)
         digest.update(msgspec.json.encode([table, name, cells]))
-
-
-def _names(table: RawTable) -> dict[str, str]:
-    return {name: written for name, (written, *_) in table.written.items()}
 
 
 def _shots(table: RawTable, problems: Problems) -> Shots:
@@ -144,15 +146,6 @@ def _check_wheels(table: RawTable, rig: Rig, problems: Problems) -> None:
         if cols.WHEEL.fullmatch(name) and name not in own:
             table.fault(problems, -1, name, f"rig.toml has no such wheel; it has {', '.join(own)}: rename the "
                          "column, or the wheel")
-
-
-def _warn_of_copies(shots: Shots) -> None:
-    """Warn where every shot stands there as often, twice at least: rows pasted twice look like more knowledge."""
-    columns = [*map(list, shots.numbers.values()), *shots.texts.values()]
-    times = Counter(zip(*(map(repr, column) for column in columns), strict=True))
-    if len(times) >= DISTINCT and len(set(times.values())) == 1 and len(times) < len(shots):
-        print(f"warning: {shots.source}: each shot stands there {len(shots) // len(times)} times under other names; if "
-              "rows were pasted twice, delete the copies: intervals would be too narrow", file=sys.stderr)
 
 
 def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems) -> tuple[RawTable, Rig]:
@@ -264,6 +257,9 @@ def save_dataset(directory: str | Path, dataset: Dataset) -> None:
         _save_csv(home / f"{stem}.csv", {"shot_id": [ids[row] for row in table.shot], **columns})
     if dataset.left_out:
         (home / LEFT_OUT).write_text("".join(line + "\n" for line in dataset.left_out), encoding="utf-8")
+    if dataset.imported:
+        facts = Imported(dataset.imported, dataset.shots.written)
+        (home / IMPORTED).write_text(make_toml(msgspec.to_builtins(facts)), encoding="utf-8")
 
 
 def check_free(directory: str | Path) -> Path:

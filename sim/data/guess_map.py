@@ -26,6 +26,8 @@ SPANS = {MOTOR: (20.0, 3000.0), SERVO: (0.0, 1.0)}     # of a wheel that throws,
 NEARLY_ALL = 0.9                      # share of the numbers that are within the span: -1 is often none
 MOST_RAD = 1.6                        # angles up to here are no degrees
 EPOCH = (("us", 1e14), ("ms", 1e11), ("s", 0.0))       # units of times since 1970, by their size
+TYPICAL = {"distance_m": 4.0, "hood_deg": 42.0, MOTOR: 400.0}         # by which the likelier unit is told
+MOST_NEAR = 3                         # signals of a column's name that are named with what their numbers are
 MOST_LISTED = 40                      # signals of a message
 MOST_WORDS = 12                       # different texts of a signal of outcomes
 LEAST_V = 5.0                         # of a battery; less is its number
@@ -36,6 +38,8 @@ GEARED = ("motor_rad_s: taken to be the speed of the motors; where it is that of
           "times = 1 / gear")
 TWO_POINTS = (": a servo's position, not an angle; measure two angles or more, and state them in rig.toml: "
               "[launcher.hood] map = [[0.2, 35.0], [0.8, 58.0]]")
+SCORES = {"two", "three"}
+ORDER = ["miss", "hit", "miss-low", "miss-high", "three", "two", "rejected"]           # of words in a text, what counts
 # words of outcomes that may be a miss, too -> what is proposed
 OPEN = {text: word for word, texts in cols.VOCABULARY["open"].items() for text in texts}
 
@@ -155,6 +159,7 @@ class _Guessing:
             key: series for key, cells in source[0].columns.items() if (series := _series(key, cells)) is not None}
         self.free = {**self.all}                       # that are not taken yet
         self.columns: dict[str, Signal] = {}
+        self.nearly: dict[str, list[str]] = {}         # by columns: signals of such names, and why they are not that
         self.lines: list[str] = []
 
     def guess(self, time: TimeColumn, has_three: bool, outcomes: dict[str, str]) -> Guess:
@@ -164,8 +169,8 @@ class _Guessing:
             self._take_own(key)
         self._take_needed()
         for column in ("battery_v", "temperature_c", "t_s") if self.tables else ("battery_v",):
-            if column not in self.columns:
-                self._take_number(column, column)
+            if column not in self.columns and not self._take_number(column, column):
+                self.lines += self._nearly(column)
         if self.tables:
             self._take_texts()
         shot_map = ShotMap(maps.SCHEMA, rows="shot" if self.tables else "time", columns={**self.columns}, time=time)
@@ -209,24 +214,26 @@ class _Guessing:
         """Distance, angle and speed; InputError where one is found nowhere."""
         wheels = self.rig.launcher.wheel
         speed = MOTOR if self.rig.launcher.free_speed_rad_s or not wheels else f"wheel_{wheels[0].name}_rad_s"
-        missing = []
+        missing = dict[str, str]()                     # column: as which column of a map
         for column, instead in NEEDED.items():
             have = {one if maps.WHEEL.fullmatch(one) is None else MOTOR for one in self.columns}
             read = speed if column == MOTOR else column
             if have & {column, *instead} or self._take_number(column, read):
                 continue
             if column != "hood_deg" or not self._take_number(SERVO, SERVO):
-                missing.append(read)
+                missing[column] = read
         if missing:
             raise self._not_recognised(missing)
 
     def _take_number(self, column: str, read: str) -> bool:
         """Take the signal of numbers that looks most like a column; read: as which column of a map."""
-        scored = [(score, -len(key), key) for key, series in self.free.items()
-                  if (self.tables or len(series.t_s) > 1) and (score := self._score(series, column)) > 0.0]
-        if not scored:
+        scored = [(*self._score(series, column), -len(key), key) for key, series in self.free.items()
+                  if self.tables or len(series.t_s) > 1]
+        fit = [(score, length, key) for score, unfit, length, key in scored if score > 0.0 and not unfit]
+        self.nearly[column] = [f"{key}: {unfit}" for score, unfit, _, key in scored if score > 0.0 and unfit]
+        if not fit:
             return False
-        *_, key = max(scored, key=lambda one: one[:2])
+        *_, key = max(fit, key=lambda one: one[:2])
         stated, seen = unit_said(self.free[key]), unit_seen(self.free[key], column)
         note = (f", in {stated}" if stated else f", in {seen} by the size of its numbers" if seen else
                 f", whose unit is not stated: taken as {own_unit(read)}" if own_unit(read) else "")
@@ -241,34 +248,69 @@ class _Guessing:
             self.lines.append(GEARED)
         return True
 
-    def _score(self, series: Series, column: str) -> float:
-        """How much a signal looks like a column by its name, unit and numbers; 0 where it cannot be that."""
+    def _nearly(self, column: str) -> list[str]:
+        """A line for each signal that is called like a column and was not taken for it."""
+        return [f"{column}: not {line}" for line in self.nearly[column][:MOST_NEAR]]
+
+    def _score(self, series: Series, column: str) -> tuple[float, str]:
+        """How much a signal looks like a column by its name and unit, 0 where it cannot be that, and what its numbers
+        have against it."""
         (nouns, loose, kinds, never), words = NAMED[column], words_of(series.name)
         said, nouns = set(words), nouns | (loose if self.tables or len(self.all) < MOST_LISTED else frozenset())
-        if not series.numeric or not nouns & said or (never | (GROUPS["odd"] - kinds - nouns)) & said:
-            return 0.0
-        unit = unit_said(series) or unit_seen(series, column)
+        if not nouns & said or (never | (GROUPS["odd"] - kinds - nouns)) & said:
+            return 0.0, ""
+        unit = unit_said(series) or (unit_seen(series, column) if series.numeric else "")
         factor = maps.factor_of(column, unit) if unit else None
         if factor is None and (unit or (kinds and not kinds & said)):
-            return 0.0
-        scale, zero = factor or (1.0, 0.0)
-        values = (np.asarray(series.values, dtype=float) - zero) * scale
-        values = np.abs(values[np.isfinite(values)]) if column == MOTOR else values[np.isfinite(values)]
-        if not len(values) or not self._can_be(column, values, bool(unit)):
-            return 0.0
-        varies = len(np.unique(values[:2000])) > 3
+            return 0.0, ""
+        if not series.numeric:
+            return 1.0, f"holds texts, such as {series.values[0]!r}; write numbers alone"
+        numbers = np.asarray(series.values, dtype=float)
+        if not np.isfinite(numbers).any():
+            return 0.0, ""
+        varies = len(np.unique(numbers[:2000])) > 3
         return (1.0 + (factor is not None) + varies + 0.5 * len(nouns & said) + (words[-1] in nouns | kinds)
-                + 0.5 * bool({"hub", "goal", "speaker", "target"} & said))
+                + 0.5 * bool({"hub", "goal", "speaker", "target"} & said)), self._unfit(column, series, unit)
 
-    def _can_be(self, column: str, values: Floats, has_unit: bool) -> bool:
-        """Whether numbers in the column's own unit are such as that column has."""
+    def _unfit(self, column: str, series: Series, unit: str) -> str:
+        """Why the numbers of a signal cannot be such as a column has, and what may help; "" where they can."""
+        numbers, own = np.asarray(series.values, dtype=float), own_unit(column)
+        rows, numbers = series.t_s[np.isfinite(numbers)], numbers[np.isfinite(numbers)]
         low, high = SPANS.get(column, cols.RANGES.get(column, cols.NO_RANGE))
-        top = float(values.max())
-        impossible = {"t_s": not (np.diff(values) > 0.0).all(), "battery_v": top <= LEAST_V,
-                      "hood_deg": not has_unit and top <= MOST_RAD,            # a servo, or radians of no word's
-                      SERVO: has_unit or {*np.unique(values)} == {0.0, 1.0}}
-        inside = column == MOTOR or float(((values >= low) & (values <= high)).mean()) >= NEARLY_ALL
-        return low <= top <= high and inside and not impossible.get(column, False)
+
+        def read(unit: str) -> Floats:
+            scale, zero = maps.factor_of(column, unit) or (1.0, 0.0)
+            return np.asarray(np.abs(numbers * scale) if column == MOTOR else (numbers - zero) * scale)
+
+        def outside(values: Floats) -> np.ndarray:
+            """Those out of the range; all where too many are. One cell alone is named when the table is read."""
+            wrong = (values > high) | ((values < low) & (column != MOTOR))
+            return np.full(len(values), True) if values.max() < low else wrong & (wrong.mean() > 1.0 - NEARLY_ALL)
+        values, steps = read(unit), np.diff(numbers)
+        top, wrong = float(values.max()), np.flatnonzero(outside(values))
+        turns = np.flatnonzero(steps * (np.median(np.sign(steps) if steps.size else 0.0) or 1.0) < 0.0)
+        if column == "t_s" and (turns.size or (steps.size and not steps.any())):
+            at = turns[0] + 1 if turns.size else 1
+            return (f"{numbers[at]:.15g} in {self._place(rows[at])} comes after {numbers[at - 1]:.15g}; sort the rows, "
+                    "or name their sessions in a column session")
+        if (column == "battery_v" and top <= LEAST_V) or (column == "hood_deg" and not unit and top <= MOST_RAD) or (
+                column == SERVO and (unit or {*np.unique(values)} == {0.0, 1.0})):
+            return f"up to {top:.4g}, it looks like another thing"       # a servo's position, the number of a battery
+        if not wrong.size:
+            return ""
+        others = {one: read(one) for one in (own, *maps.CONVERTED.get(own, ())) if one != (unit or own)}
+        likely = [one for one, values in others.items() if not outside(values).any()]
+        usual = TYPICAL.get(column, 1.0)
+        likely.sort(key=lambda one: abs(math.log(max(np.median(others[one]), 1e-9) / usual)))
+        few = 2 * wrong.size < len(numbers)
+        what = f"{numbers[wrong[0]]:g} in {self._place(rows[wrong[0]])} is" if few else (
+            f"{numbers.min():.4g} to {numbers.max():.4g} are")
+        looks = f"; these look like {likely[0]}: rename it to {maps.in_unit(series.name, likely[0])}" if likely else ""
+        return f"{what} beyond {low:g} to {high:g} {own}{f', in {unit}' if unit != own else ''}{looks}"
+
+    def _place(self, row: float) -> str:
+        """Where a row of a table is, or when one of a log."""
+        return self.tables[0].place(int(row)) if self.tables else f"t = {row:.2f} s"
 
     def _take_texts(self) -> None:
         """Names of the ball, session, day and person, unless each shot has its own; the shots' numbers, as names and
@@ -293,7 +335,7 @@ class _Guessing:
         cells = [str(cell or "").strip() for table in self.tables for cell in table.columns.get(key, [None])]
         return all(cells) and len(set(cells)) == len(cells)
 
-    def _not_recognised(self, missing: list[str]) -> InputError:
+    def _not_recognised(self, missing: dict[str, str]) -> InputError:
         """Columns that are missing, those that were recognised, and the signals to choose from, those that change
         first."""
         kind = "column" if self.tables else "signal"
@@ -303,8 +345,9 @@ class _Guessing:
                       key=lambda key: (len(np.unique(moving[key][:2000])) <= 2, key))
         rest = [f"  and {len(keys) - MOST_LISTED} more"] if len(keys) > MOST_LISTED else []
         return InputError("\n".join([
-            f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing)}; write a map by hand: "
-            "docs/how-to/importing.md", *(f"recognised: {line}" for line in self.lines), f"{kind}s with numbers:",
+            f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing.values())}; write a map by "
+            "hand: docs/how-to/importing.md", *(f"recognised: {line}" for line in self.lines),
+            *(line for column in missing for line in self._nearly(column)), f"{kind}s with numbers:",
             *(f"  {key}: {min(moving[key]):.4g} to {max(moving[key]):.4g} {unit_said(self.all[key])}".rstrip()
               for key in keys[:MOST_LISTED]), *rest]))
 
@@ -381,8 +424,7 @@ class _Guessing:
         target = self.rig.target
         hit = "three" if target and not target.hit_or_miss and (has_three or "three" in words.values()) else "hit"
         unclear = [text for text, word in words.items() if word is None or (word == "hit" and hit == "three")]
-        proposed = {text: hit if word == "hit" else word or (
-            "rejected" if text not in OPEN else OPEN[text] if hit == "three" else hit) for text, word in words.items()}
+        proposed = {text: hit if word == "hit" else word or _proposed(text, hit) for text, word in words.items()}
         values = {text: word for text, word in words.items() if word and text not in unclear}
         meant = [f"{text} = {word}" for text, word in values.items() if text != word]
         self.lines.append(f"outcome: {key}" + (f": {', '.join(meant)}" if meant else ""))
@@ -428,6 +470,16 @@ def _meaning(text: str) -> str | None:
     rest = " ".join(word for word in re.split(r"[^\w/]+", text) if word not in GROUPS["fillers"])
     word = SAID_OF_SHOTS.get(rest, "")
     return SAID_OF_SHOTS.get(text) or (word if word.startswith("miss") else None)
+
+
+def _proposed(text: str, hit: str) -> str:
+    """The likeliest meaning of a text whose words are known, if at all, one by one: off the rim, a ball is in or out.
+    """
+    parts = [text, *re.split(r"[\s,;_-]+", text)]
+    certain, open_ = ([known[one] for one in parts if one in known] for known in (SAID_OF_SHOTS, OPEN))
+    word = min(certain, key=ORDER.index, default="") or min(open_, key=ORDER.index, default=maps.NOT_MARKED[0])
+    word = next(filter(SCORES.__contains__, open_), hit) if word == "hit" else word
+    return hit if word in SCORES and hit == "hit" else word
 
 
 def _rises(series: Series) -> bool:

@@ -67,6 +67,9 @@ def guess(files: Sequence[str | Path], rig: Rig | str | Path, outcomes: Mapping[
     source: Log | list[RawTable]
     if paths[0].suffix.lower() in TABLES:
         tables = [any_table(paths[0])]
+        if not tables[0].lines:
+            raise InputError(f"{paths[0]}: has no row below its header ({', '.join(tables[0].columns)}); write a row "
+                             "for each shot")
         if (found := time_column(tables[0])) is None:
             source = [*tables, *map(any_table, paths[1:])]
         else:

@@ -12,7 +12,7 @@ from truearc.errors import ELSEWHERE, InputError, needs
 from truearc.robot.config import shot_map as maps
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import MOTOR, ShotMap, Signal, as_signal
-from truearc.sim.data.dataset import Dataset, Floats
+from truearc.sim.data.dataset import Dataset, Floats, Written
 from truearc.sim.data.files import assemble
 from truearc.sim.data.importers import load_importers
 from truearc.sim.data.log import FoundShots, Log, Series, find_shots, read_csv_log, silences, spikes
@@ -275,8 +275,20 @@ def shots_from_tables(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: 
         rows += more
         lines += at
         left_out += odd
-    shots = as_table(rows, paths[0])
+    shots = replace(as_table(rows, paths[0]), written=_written(tables[0][1], shot_map, rig))
     return _assembled(name, rig, shots if paths[1:] else replace(shots, lines=lines, in_memory=False), None, left_out)
+
+
+def _written(table: RawTable, shot_map: ShotMap, rig: Rig) -> dict[str, Written]:
+    """What the columns of a dataset are in a table: headings, units and zeros."""
+    found: dict[str, Written] = {}
+    for column, said in shot_map.columns.items():
+        signal, (name, scale) = as_signal(said), as_read(column, rig)
+        if maps.own_unit(column):
+            convert = conversion(column, signal, signal.unit, table.place(-1))
+            zero, one = map(float, convert(np.array([0.0, 1.0])))
+            found[name] = _key(table, signal), (one - zero) * scale, -zero / (one - zero)
+    return found
 
 
 def _read(path: Path, shot_map: ShotMap) -> RawTable:
@@ -289,18 +301,19 @@ def _read(path: Path, shot_map: ShotMap) -> RawTable:
     return found
 
 
-def _cells(table: RawTable, signal: Signal) -> list[Cell]:
+def _key(table: RawTable, signal: Signal) -> str:
+    """The name of a signal's column, which a map may call by its place."""
     place = PLACE.fullmatch(signal.key)
     names = list(table.columns)
     if place and not 1 <= int(place[1]) <= len(names):
         raise InputError(f"{table.place(-1)}: there is no column {signal.key}; it has {len(names)}")
-    return table.columns[names[int(place[1]) - 1] if place else signal.key]
+    return names[int(place[1]) - 1] if place else signal.key
 
 
 def _column(table: RawTable, column: str, said: str | Signal, scale: float = 1.0) -> list[Cell]:
     """Cells of a column, numbers in its unit times a factor."""
     signal = as_signal(said)
-    cells = _cells(table, signal)
+    cells = table.columns[_key(table, signal)]
     with gathered() as problems:
         problems += [f"{table.place(row)}: {signal.key}: {cell!r} is not a number" for row, cell in enumerate(cells)
                      if maps.own_unit(column) and str(cell or "").strip() and parse_number(cell) is None]
@@ -317,7 +330,7 @@ def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig
     named = {column: as_read(column, rig) for column in shot_map.columns}
     columns = {named[column][0]: _column(table, column, said, named[column][1])
                for column, said in shot_map.columns.items()}
-    marks = _cells(table, Signal(shot_map.outcome.key)) if shot_map.outcome.key else None
+    marks = table.columns[_key(table, Signal(shot_map.outcome.key))] if shot_map.outcome.key else None
     words = {maps.plain(key): word for key, word in shot_map.outcome.values.items()}
     rows, lines, odd = list[dict[str, Cell]](), list[int](), list[str]()
     distance = as_signal(shot_map.columns.get(NO_TARGET[0], "")).key

@@ -27,7 +27,7 @@ from truearc.errors import MAX_BYTES, InputError, load_bytes
 from truearc.robot.config.rig_spec import MOST
 from truearc.robot.config.shot_map import CONVERTED, ZERO, unit_of
 from truearc.robot.config.shot_map import WHEEL as WHEEL
-from truearc.sim.data.dataset import Floats
+from truearc.sim.data.dataset import Floats, Written
 
 DECIMAL_COMMA = re.compile(r"^\s*([+-]?\d+),(\d+)\s*$")
 THOUSANDS = re.compile(r"^\s*[+-]?[1-9]\d{0,2},\d{3}\s*$")
@@ -70,14 +70,14 @@ class RawTable:
     """`columns`: name -> one cell a row, None = missing; `lines`: line (CSV) or row (else) of each, from 1.
 
     `in_memory`: not read from a file; `path` is then the name of the argument. `written`: of columns that are
-    read as others, name -> (name in the file, how many of the column's unit are one of the file's, its zero).
+    called otherwise in the file.
     """
 
     path: Path
     columns: dict[str, list[Cell]]
     lines: list[int]
     in_memory: bool = False
-    written: dict[str, tuple[str, float, float]] = field(default_factory=dict)
+    written: dict[str, Written] = field(default_factory=dict)
 
     def shown(self, name: str, number: float) -> str:
         """Return a number of a column as in the file."""
@@ -442,16 +442,20 @@ def number_column(table: RawTable, name: str, problems: Problems, needed: bool =
             table.fault(problems, row, name, f"{table.columns[name][row]!r} is not a finite number{todo}{more}")
     alike = len(beyond) >= ALIKE and len(beyond) > np.isfinite(values).sum()
     for row, number in list(beyond.items())[:1 if alike else None]:
-        table.fault(problems, row, name, _beyond(table, name, number)
+        table.fault(problems, row, name, _beyond(table, name, number, values[np.isfinite(values)])
                     + (f"; here and in {len(beyond) - 1} more rows" if alike else ""))
     return values
 
 
-def _beyond(table: RawTable, name: str, number: float) -> str:
-    """What to say of a number out of its column's range."""
+def _beyond(table: RawTable, name: str, number: float, others: Floats) -> str:
+    """What to say of a number out of its column's range; others: those that are not."""
     low, high = RANGES[name]
-    converted = table.written.get(name, ("", 1.0, 0.0))[1:] != (1.0, 0.0)
+    _, factor, zero = table.written.get(name, ("", 1.0, 0.0))
+    converted, own = (factor, zero) != (1.0, 0.0), unit_of(name)
+    likely = [unit for unit, size in ({own: 1.0} | CONVERTED.get(own, {})).items()
+              if own and len(others) and others.min() <= (number / factor + zero) * size <= others.max()]
     looks = "make sure that its unit is as its name says" if converted else VOCABULARY["looks"].get(name, "")
+    looks = f"the others suggest that it is in {likely[0]}" if likely else looks
     if number < low == 0.0:
         looks = VOCABULARY["below"].get(name, "")
     said, least, most = (table.shown(name, value) for value in (number, low, high))
@@ -497,7 +501,7 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
     one already present, or whose name is close to that of a column that is read and missing.
     """
     columns: dict[str, list[Cell]] = {}
-    written = {}
+    written = {**table.written}
     for name, cells in table.columns.items():
         read, factor, zero = read_as(name, is_read)
         if read in columns:

@@ -71,12 +71,13 @@ from truearc.sim.discover.detect.localization import Place, locate
 from truearc.sim.discover.finding import Adoption, FitSummary
 from truearc.sim.discover.identifiability import UNTOUCHED, Sight, TermIdentifiability
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis, weigh
-from truearc.sim.discover.select.terms import MOST_USUAL, NEVER, SURE, Naming, name_terms
+from truearc.sim.discover.select.terms import CREDIBLE_SD, MOST_USUAL, NEVER, SURE, Naming, name_terms
 from truearc.sim.infer.intervals import NumberChange
 from truearc.sim.infer.launcher import STRONG, LauncherFit, stopped
 from truearc.sim.infer.likelihood.data import Each
 from truearc.sim.infer.likelihood.layout import is_tracker
 from truearc.sim.infer.likelihood.score_table import Column, clustered_error, folds_of
+from truearc.sim.physics.catalogue import Catalogue, find_parameter
 from truearc.sim.printed import Progress, part_of
 from truearc.sim.statistics import Z90
 
@@ -90,8 +91,6 @@ LIKELY = 0.5                          # probability from which a thing is likeli
 CLEARLY = 2.0                         # standard errors by which plain shares beat a forecast, or a free curve is better
 # Derived: 5 % then falls on a draw, known to 0.7 %
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
-# Derived: normal quantile 0.9995; the fit's prior is WEAKER times as wide as the catalogue's
-CREDIBLE_SD = 3.29                    # standard deviations of it, in which a term's number is believable
 
 
 @dataclass(frozen=True)
@@ -196,20 +195,36 @@ def guarded(steps: tuple[Step, ...]) -> tuple[Step, ...]:
 
 
 def at_limit(step: Step) -> str:
-    found = stopped(step.refit.scores, step.refit.model.catalogue)
-    return ", ".join(f"{name} stopped at {value:.4g}, the end of its range" for name, value in found.items())
+    among = step.refit.model.catalogue
+    found = [_said(name, "stopped at", f"{value:.4g}", among)
+             for name, value in stopped(step.refit.scores, among).items()]
+    return f"{' and '.join(found)}, the end of its range" if found else ""
 
 
 def out_of_nature(step: Step) -> str:
-    return ", ".join(f"{name} would have to be {value:.3g}" for name, value in strange(step.refit).items())
+    return " and ".join(_said(name, "would have to be", f"{value:.3g}", step.refit.model.catalogue)
+                        for name, value in strange(step.refit).items())
 
 
 def too_large(step: Step) -> str:
-    """Judged without the room for error that naming leaves it."""
+    """By the size of its refit and by that which is reported; without the room for error that naming leaves either."""
     found, usual = step.refit, step.column.usual
-    size = abs(float(found.amplitude[0]))
-    return (f"{found.names[0]} would have to be {size / usual:.1f} times as large as is usual in such a place"
+    name, among = found.names[0], found.model.catalogue
+    size = max(abs(float(found.amplitude[0])), abs(step.naming.told(step.fitted, name)[0]))
+    return (f"{_meaning(name, among)} would have to be {size / usual:.1f} times as large as is usual in such a place"
             if size > MOST_USUAL * usual else "")
+
+
+def _said(name: str, verb: str, value: str, among: Catalogue) -> str:
+    """Such as "wind upward (wind_z.speed_m_s) would have to be 9 m/s"."""
+    if among.get(name.partition(".")[0]) is None:
+        return f"{name} {verb} {value}"
+    unit = find_parameter(name, among).unit
+    return f"{_meaning(name, among)} {verb} {value}{'' if unit == '1' else f' {unit}'}"
+
+
+def _meaning(name: str, among: Catalogue) -> str:
+    return f"{find_parameter(name, among).meaning} ({name})"
 
 
 GUARDS: tuple[Callable[[Step], str], ...] = (at_limit, out_of_nature, too_large)

@@ -202,7 +202,7 @@ def usable_rows(shots: Shots, name: str, silent: np.ndarray, why: str) -> tuple[
     """
     features = np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
     gaps = np.isnan(features)
-    lacking = " or ".join(f"no {shots.written.get(feature.name, feature.name)}"
+    lacking = " or ".join(f"no {shots.written.get(feature.name, (feature.name,))[0]}"
                           for feature, lacks in zip(FEATURES, gaps[~silent].T, strict=True) if lacks.any())
     gap = gaps.any(axis=1) & ~silent
     left_out = [f"{name}: {int(rows.sum())} of {len(shots)} shots left out: {reason}"

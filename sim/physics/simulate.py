@@ -275,8 +275,8 @@ def _need(shots: Shots, lacking: np.ndarray, what: str) -> None:
     if lacking.any():
         names = [shots.shot_id[row] for row in np.flatnonzero(lacking)]
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        raise InputError(f"{shots.source}: shots {', '.join(names[:NAMED])}{more}: {shots.written.get(what, what)} is "
-                         "needed and missing")
+        written, *_ = shots.written.get(what, (what,))
+        raise InputError(f"{shots.source}: shots {', '.join(names[:NAMED])}{more}: {written} is needed and missing")
 
 
 def exit_opposed(rig: Rig, upper_m_s: Any, lower_m_s: Any, hood_deg: Any) -> Exit:

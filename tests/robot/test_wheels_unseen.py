@@ -7,6 +7,7 @@ import random
 from collections.abc import Callable
 
 import pytest
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from tests.robot.alike import codes
@@ -167,3 +168,79 @@ def test_a_noisy_hood_that_moves_is_not_released(sigma_deg: float) -> None:
     assert not {because.AXIS_RELEASED.name, because.AXIS_LATCHED.name} & {
         code for tick in launcher.ticks[200:] for code in codes(tick.verdict.reasons)}
     assert launcher.hood_deg == pytest.approx(HOOD_DEG, abs=0.5)
+
+
+def pieces(launcher: Launcher, times: int, on_s: float, off_s: float) -> None:
+    """Armed for a moment, again and again."""
+    for _ in range(times):
+        launcher.arm()
+        launcher.run(on_s)
+        launcher.arm()
+        launcher.run(off_s)
+
+
+def backwards(inputs: Inputs) -> Inputs:
+    turned = tuple(replace(one, velocity_rad_s=-one.velocity_rad_s, position_rad=-one.position_rad)
+                   for one in inputs.flywheels)
+    return replace(inputs, flywheels=turned)
+
+
+@pytest.mark.parametrize("spoil", [ZERO, backwards])
+@pytest.mark.parametrize(("on_s", "off_s"), [(0.1, 0.1), (0.15, 0.05), (0.15, 1.0), (0.5, 0.1)])
+def test_torque_in_pieces_adds_up_until_wheels_are_shown_to_turn(spoil, on_s: float, off_s: float) -> None:
+    launcher = Launcher()
+    launcher.spoil = spoil
+    launcher.run(0.1)
+    for _ in range(25):
+        pieces(launcher, 1, on_s, off_s)
+        assert launcher.wheel_rad_s <= 1.15 * SET_RAD_S
+    launcher.arm()
+    launcher.run(0.6)
+    assert latched(launcher)
+    assert launcher.wheel_rad_s <= 1.15 * SET_RAD_S
+
+
+def test_gaps_that_a_slow_computer_explains_do_not_hide_dead_encoders() -> None:
+    """Readings that wait 0.5 s in each second release the wheels without counting."""
+    launcher = Launcher()
+    launcher.spoil = ZERO
+    launcher.arm(0.1)
+    for _ in range(30):
+        launcher.faults = ()
+        launcher.run(0.5)
+        launcher.faults = (because.TICKS_STALLED(stall_s=0.5),)
+        launcher.run(0.1)
+        assert launcher.wheel_rad_s <= 1.15 * SET_RAD_S
+    assert because.JOINT_NOT_TURNING.name in latched(launcher)
+
+
+def test_sound_wheels_start_in_pieces_as_often_as_one_likes() -> None:
+    launcher = Launcher()
+    launcher.run(0.1)
+    pieces(launcher, 25, 0.15, 0.2)
+    launcher.arm()
+    launcher.run(2.0)
+    assert not latched(launcher) and launcher.memory.unanswered is UNSET
+    assert launcher.wheel_rad_s == pytest.approx(SET_RAD_S, rel=0.02)
+
+
+def test_a_hood_whose_encoder_is_dead_is_not_homed_in_pieces() -> None:
+    launcher = Launcher(hood_deg=60.0)
+    launcher.spoil = lambda inputs: replace(inputs, hood_angle=replace(inputs.hood_angle, angle_rad=2.0))
+    launcher.run(0.1)
+    pieces(launcher, 25, 0.2, 0.1)
+    assert 48.0 < launcher.hood_deg <= 60.0
+
+
+def test_a_hood_that_answers_the_wrong_way_is_given_up() -> None:
+    launcher = Launcher(hood_deg=60.0)
+    start_rad = launcher.start_rad
+    launcher.spoil = lambda inputs: replace(inputs, hood_motor=replace(
+        inputs.hood_motor, velocity_rad_s=-inputs.hood_motor.velocity_rad_s,
+        position_rad=2.0 * start_rad - inputs.hood_motor.position_rad))
+    launcher.run(0.1)
+    pieces(launcher, 12, 0.6, 0.2)
+    launcher.arm()
+    launcher.run(0.1)
+    assert because.HOOD_GIVEN_UP.name in latched(launcher)
+    assert 50.0 < launcher.hood_deg < 70.0

@@ -3,6 +3,7 @@
 import argparse
 import shlex
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -245,28 +246,33 @@ def import_shots(args: argparse.Namespace) -> int:
 
 
 def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
-    """(the dataset, the map's text where it was guessed)."""
+    """(the dataset with the command, the map's text where it was guessed)."""
     from truearc.sim.data.import_shots import guess
     if not args.rig:
         raise ta.InputError(f"{args.source}: --rig RIG.toml is needed: a log does not say what ball, wheels and target "
                             "there are; `truearc init DIR` makes one to fill in")
     load = partial(ta.import_shots, args.files, rig=args.rig, name=args.out.name,
                    progress=common.make_progress("import", args.quiet))
+    again = ["truearc", "import", args.source, *args.files, "--rig", str(args.rig), "-o", str(args.out)]
     if args.map:
-        return load(shot_map=args.map), ""
+        return replace(load(shot_map=args.map), imported=shlex.join([*again, "--map", str(args.map), "--force"])), ""
     if not args.guess:
         raise ta.InputError(f"{args.source}: --map MAP is needed, or --guess, which proposes one")
-    guessed = guess(args.files, args.rig, args.outcomes, common.make_progress("guess", args.quiet))
+    words = [f"{text}={word}" for text, word in (args.outcomes or {}).items()]
+    guessing = [*again, "--guess", *(["--outcomes", ",".join(words)] if words else [])]
+    try:
+        guessed = guess(args.files, args.rig, args.outcomes, common.make_progress("guess", args.quiet))
+    except ta.InputError as error:
+        raise ta.InputError(f"{error}\nCorrect what is named, and run: {shlex.join(guessing)}") from error
     print(f"guessed from the names, units and numbers of {args.files[0]}; make sure of it:")
     for line in guessed.lines:
         print(f"  {line}")
-    again = ["truearc", "import", args.source, *args.files, "--rig", str(args.rig), "-o", str(args.out)]
     if guessed.asked:
         proposed = ",".join(f"{text}={word}" for text, word in guessed.proposed.items())
         raise ta.InputError(f"{guessed.asked}. Correct it in the command and run: "
                             f"{shlex.join([*again, '--guess', '--outcomes', proposed])}")
     try:
-        return load(shot_map=guessed.map), guessed.to_toml()
+        return replace(load(shot_map=guessed.map), imported=shlex.join([*guessing, "--force"])), guessed.to_toml()
     except ta.InputError as error:
         print(f"\nthe map, to save as {MAP} and correct:\n\n{guessed.to_toml()}")
         raise ta.InputError(f"{error}\nCorrect what is named; or save the map above as {MAP}, correct it (words of "

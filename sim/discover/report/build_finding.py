@@ -20,7 +20,6 @@ from truearc.sim.discover.next_steps import blind_terms, has_spin, measure_blind
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.finding_text import say_improbable
 from truearc.sim.discover.select.simulations import end_errors, side_errors, times_off
-from truearc.sim.discover.select.terms import posterior_amplitude
 from truearc.sim.infer.fit_report import say_tracker_errors
 from truearc.sim.infer.intervals import NumberChange, tracker_errors
 from truearc.sim.infer.launcher import LauncherFit, improbable, odd_places, stopped
@@ -238,8 +237,7 @@ def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
     term_name, _, parameter = name.partition(".")
     (term,) = step.fitted.model.catalogue.find([term_name])
     column, naming = step.fitted.scores.columns[step.fitted.scores.index(name)], step.naming
-    sizes = naming.sizes.get(name) or (naming.alone(step.fitted, name),)
-    size = parts.Interval(*posterior_amplitude(step.fitted, name, sizes), column.unit)
+    size = parts.Interval(*naming.told(step.fitted, name), column.unit)
     before, found = step.fitted.model.layout.believed.get(name), naming.refits.get(name)
     if before is None:
         return Named(term_name, probability[name], {parameter: size}, term.sentence, column.stage)

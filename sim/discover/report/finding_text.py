@@ -350,7 +350,7 @@ def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false
     """No mismatch, or nothing to see one by; opening: what the sentence begins with (`opening_of`)."""
     if p_value is None:
         return (f"These {shots} shots cannot say anything about the simulation: too few of them have a track, or an "
-                "outcome or height, with distance and launch, that would tell.")
+                "outcome or height, with distance and launch, that would tell; a test needs eight of like weight.")
     return (f"{OPENINGS[opening].format(shots)} from the simulation ({_list(believed, among)}) by no more than "
             f"chance. If nothing were missing, {say_chance(p_value)} (p = {p_value:.2g}, alarm at {false_alarm:g}).")
 

@@ -372,16 +372,19 @@ def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covari
     found += [Hypothesis(one.names, None, nats, pair_prior, terms.sizes_of(one)) for one, nats in pairs.values()]
     direction = {column.name: column.direction for column in fitted.scores.columns}
 
-    def is_hidden(one: Hypothesis) -> bool:
-        """Whether an unexplained change in the name's direction moves the size out of its own 90 % interval: the two
-        then share one effect in parts that nobody knows, and only the size of the whole says something."""
-        if one.family is None or not one.names or one.family.column in one.names:
-            return False
-        whole = alone[one.names[0]]
-        return (direction[one.family.column] == direction[one.names[0]]
-                and abs(one.sizes[0].amplitude - whole.amplitude) > Z90 * whole.sd)
+    def told(one: Hypothesis) -> Hypothesis:
+        """The sizes there. Where nature has none such, or an unexplained change in a name's own direction moves its
+        size out of its 90 % interval, two share one effect in parts that nobody knows: only those of the whole say
+        something."""
+        wholes = [alone.get(name, size) for name, size in zip(one.names, one.sizes, strict=True)]
+        is_shared = one.names and one.family is not None and one.family.column not in one.names and (
+            direction[one.family.column] == direction[one.names[0]]
+            and abs(one.sizes[0].amplitude - wholes[0].amplitude) > Z90 * wholes[0].sd)
+        natural = all(terms.is_natural(name, size, fitted.model.catalogue)
+                      for name, size in zip(one.names, one.sizes, strict=True))
+        return replace(one, sizes=tuple(wholes)) if is_shared or not natural else one
 
-    found = [replace(one, sizes=(alone[one.names[0]],)) if is_hidden(one) else one for one in _flown(found, bases)]
+    found = list(map(told, _flown(found, bases)))
     return Hypotheses(tuple(found), _probability(found), {one.names: one for one, _ in pairs.values()})
 
 

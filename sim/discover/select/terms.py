@@ -21,7 +21,8 @@ from truearc.sim.infer.fit import amplitudes
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.layout import Measured
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.physics.catalogue import find_parameter, find_terms
+from truearc.sim.physics.catalogue import Catalogue, find_parameter, find_terms
+from truearc.sim.physics.term import from_scale, to_scale
 from truearc.sim.printed import Progress
 
 # Measured at L1 (seed 701), with ranges and sides of the terms: wrong single names 1 of 16 instead of 3, truth in the
@@ -160,6 +161,8 @@ FIRM = 100.0                          # and from which a refit starts, hardly dr
 BUSY = 1e-12                          # information, below which nothing in the data depends on a term
 # Derived: 1.5 deviations of the largest of TERM_SIZES
 MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not what its name says,
+# Derived: normal quantile 0.9995; the fit's prior is WEAKER times as wide as the catalogue's
+CREDIBLE_SD = 3.29                    # standard deviations of a prior, in which a term's number is believable
 SPARE_SD = 2.0                        # by more standard deviations than this; chosen: about 95 %
 NEVER = -1e3                          # nats; beside it nothing else is as unlikely
 
@@ -212,6 +215,10 @@ class Naming:
         if name in self.refits:
             return sizes_of(self.refits[name])[0]
         return shrunk(next(one for one in self.candidates if one.name == name), fitted.scores)
+
+    def told(self, fitted: LauncherFit, name: str) -> tuple[float, float, float, float]:
+        """Return the size of a name over all hypotheses that have it, as `posterior_amplitude` does."""
+        return posterior_amplitude(fitted, name, self.sizes.get(name) or (self.alone(fitted, name),))
 
     @property
     def ranked(self) -> list[str]:
@@ -358,6 +365,15 @@ def is_possible(found: LauncherFit, *usual: float) -> bool:
     spare = SPARE_SD * found.sd
     return bool(((found.wanted >= low - spare) & (found.wanted <= high + spare)
                  & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + spare)).all())
+
+
+def is_natural(name: str, size: Size, among: Catalogue) -> bool:
+    """Whether nature has such a size, of a parameter whose prior is a factor: within 99.9 % of it."""
+    prior = find_parameter(name, among).prior
+    if prior is None or prior.scale != "log":
+        return True
+    highest = from_scale(prior.scale, to_scale(prior.scale, prior.centre) + CREDIBLE_SD * prior.sd)
+    return bool(size.amplitude - SPARE_SD * size.sd <= highest)
 
 
 def shrunk(candidate: Candidate, evidence: ScoreTable) -> Size:

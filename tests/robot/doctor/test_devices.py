@@ -257,6 +257,14 @@ def test_feedback_that_comes_late_is_a_failure(late_ms, level):
         assert late_ms <= told_ms <= late_ms + 15
 
 
+@pytest.mark.parametrize(("late_ms", "level"), [(30, OK), (60, FAILURE), (200, FAILURE)])
+def test_a_hood_encoder_that_comes_late_is_a_failure_at_rest(late_ms, level):
+    bench = Bench(wrap=lambda name, node: Spoilt(node, late_ns=late_ms * 1_000_000, is_late=lambda frame: True)
+                  if name == "hood_encoder" else node)
+    finding = bench.findings()["feedback"]
+    assert finding.level == level and (f"hood encoder {late_ms} ms" in finding.says) == (level == FAILURE)
+
+
 @pytest.mark.parametrize(("hood_deg", "closed", "level", "words"), [
     (40.0, True, FAILURE, "40.0 deg, the limit switch at 15 deg is closed"), (15.2, True, OK, "closed"),
     (10.0, False, FAILURE, "travel is 15 to 75"), (80.0, False, FAILURE, "travel"), (74.0, False, OK, "open"),

@@ -285,9 +285,9 @@ def test_real_recordings_pass(data_dir: Path, tmp_path: Path) -> None:
 def test_an_objection_names_columns_as_the_files_do(table: Dataset, filmed: Dataset) -> None:
     feet = numbers(table, distance_m=table.shots.number("distance_m") / 0.3048)
     with pytest.raises(InputError, match=r"shots: Weg: .*\(distance_m is the file's Weg\)"):
-        check_plausible(replace(feet, shots=replace(feet.shots, written={"distance_m": "Weg"})))
+        check_plausible(replace(feet, shots=replace(feet.shots, written={"distance_m": ("Weg", 1.0, 0.0)})))
     with pytest.raises(InputError, match=r"tracks: x_m, y_m, z_cm: z points down.*\(z_m is the file's z_cm\)"):
-        check_plausible(replace(tracks(filmed, z_m=-filmed.tracks.z_m), track_columns={"z_m": "z_cm"}))
+        check_plausible(replace(tracks(filmed, z_m=-filmed.tracks.z_m), track_columns={"z_m": ("z_cm", 0.01, 0.0)}))
 
 
 def test_a_release_height_that_is_not_stated_is_warned_of(table: Dataset) -> None:

@@ -1,16 +1,23 @@
 """Data as people bring them in their first hour, simulated alike: sound ones are read, slips are named."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 from numpy.random import default_rng
 
 from benchmarks.plausibility import aim, fly, height_at
+from tests.sim.check.foam import numbers
+from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
+from truearc.sim.check.believable import judged_shots
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
+from truearc.sim.data.files import load_dataset, save_rig
 
 FOAM, BASKETBALL, BASEBALL = Ball(0.142, 0.0889), Ball(0.6, 0.12), Ball(0.145, 0.0366)
 
@@ -43,7 +50,7 @@ def table(seed: int, steep: bool) -> Dataset:
               Target(1.8, 0.07, 0.3))
     return Dataset("table", rig, Shots(tuple(map(str, range(98))), {
         "distance_m": distance, "hood_deg": hood, "wheel_upper_rad_s": ratio * lower, "wheel_lower_rad_s": lower},
-        {"outcome": outcome}, written={"distance_m": "Dist (ft)"}))
+        {"outcome": outcome}, written={"distance_m": ("Dist (ft)", 0.3048, 0.0)}))
 
 
 def filmed(ball: Ball, places: np.ndarray, step_s: float, from_m: float, target: Target | None = None) -> Dataset:
@@ -63,13 +70,84 @@ def test_sound_tables_in_feet_are_read(seed: int, steep: bool) -> None:
 
 
 @pytest.mark.parametrize(("factor", "said"), [
-    (0.3048 / 0.0254, r"Dist \(ft\): these look like inches: .* \(distance_m is the file's Dist \(ft\)\)"),
-    (0.3048, r"Dist \(ft\): these look like metres: rename the column to distance_m")])
+    (0.3048 / 0.0254, r"Dist \(ft\): these look like inches: rename the column to Dist \(in\); .*the file's Dist \(ft"),
+    (0.3048, r"Dist \(ft\): these look like metres: rename the column to Dist \(m\)")])
 def test_another_unit_under_a_heading_of_feet_is_named(factor: float, said: str) -> None:
     sound = table(0, steep=False)
     wrong = {**sound.shots.numbers, "distance_m": factor * sound.shots.number("distance_m")}
     with pytest.raises(InputError, match=said):
         check_plausible(replace(sound, shots=replace(sound.shots, numbers=wrong)))
+
+
+DIST, HOOD = "Dist (ft)", "Hood angle"
+
+
+@pytest.mark.parametrize(("wrong", "said"), [
+    (lambda own: own, ""),
+    (lambda own: {DIST: 12.0 * own[DIST]}, r"Dist \(ft\): these look like inches: rename the column to Dist \(in\);"),
+    (lambda own: {DIST: 0.3048 * own[DIST]}, r"Dist \(ft\): these look like metres: rename the column to Dist \(m\);"),
+    (lambda own: {DIST: own[HOOD], HOOD: own[DIST]}, r"Dist \(ft\), Hood angle: these look exchanged")])
+def test_what_was_imported_is_said_by_its_own_headings_with_the_command(
+        wrong: Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]], said: str, tmp_path: Path) -> None:
+    sound = table(0, steep=True)
+    shots, out, mine = sound.shots, tmp_path / "out", tmp_path / "mine.csv"
+    own = {DIST: shots.number("distance_m") / 0.3048, HOOD: shots.number("hood_deg"),
+           **{f"wheel_{name}_rpm": shots.number(f"wheel_{name}_rad_s") * 30.0 / np.pi for name in ("upper", "lower")}}
+    written = own | wrong(own)
+    rows = [[*(f"{column[row]:.3f}" for column in written.values()), word]
+            for row, word in enumerate(shots.text("outcome"))]
+    mine.write_text("".join(",".join(row) + "\n" for row in [[*written, "Result"], *rows]))
+    save_rig(tmp_path / "rig.toml", sound.facts)
+    command = ["import", "csv", str(mine), "--guess", "--rig", str(tmp_path / "rig.toml"), "-o", str(out)]
+    assert main(command) == 0
+    imported = load_dataset(out)
+    if not said:
+        assert check_plausible(imported).accepted == ()
+        return
+    with pytest.raises(InputError, match=said) as refused:
+        check_plausible(imported)
+    assert str(refused.value).endswith(f"truearc import csv {mine} --rig {tmp_path}/rig.toml -o {out} --guess --force")
+
+
+def sided(one: Dataset, faster: float, higher: float) -> Dataset:
+    """With sides of all but threes, which were so much faster in logs if high; heights have that sign or the other."""
+    word = np.array(one.shots.text("outcome"))
+    up = np.where(word == "three", 0.0, default_rng(3).choice([1.0, -1.0], len(word)))
+    side = tuple({1.0: "high", -1.0: "low", 0.0: ""}[sign] for sign in up)
+    speeds = {name: column * np.exp(faster * up) for name, column in one.shots.numbers.items() if "wheel" in name}
+    high = replace(one, shots=replace(one.shots, texts={**one.shots.texts, "side": side}))
+    return numbers(high, **speeds, miss_height_m=np.select(
+        [word == "miss", word == "two"], [0.5 * higher * up, 0.2 * higher * up], np.nan))
+
+
+def some(one: Dataset, name: str, factor: float, every: int, missed: bool = False) -> Dataset:
+    """One number in so many otherwise, of the misses, or of all that are not judged together with others."""
+    word = np.array(one.shots.text("outcome"))
+    rows = np.flatnonzero(word == "miss") if missed else np.setdiff1d(np.arange(len(word)), judged_shots(one))
+    column = one.shots.number(name).copy()
+    column[rows[::every]] *= factor
+    return numbers(one, **{name: column})
+
+
+def geared(one: Dataset, exchanged: bool) -> Dataset:
+    """With the gears that give the wheels their speeds, or each other's."""
+    ratio = float(np.median(one.shots.number("wheel_upper_rad_s") / one.shots.number("wheel_lower_rad_s")))
+    gears = (1.0, ratio) if exchanged else (ratio, 1.0)
+    turning = [changed(wheel, gear=gear) for wheel, gear in zip(one.rig.launcher.wheel, gears, strict=True)]
+    return replace(one, facts=changed(one.rig, launcher=changed(one.rig.launcher, wheel=tuple(turning))))
+
+
+@pytest.mark.parametrize(("wrong", "said"), [
+    (lambda one: some(one, "distance_m", 12.0, 4, missed=True), "3 of 98 shots look like inches; make sure of"),
+    (lambda one: some(one, "hood_deg", np.pi / 180.0, 12), "4 of 98 shots look like radians; make sure of these: "),
+    (lambda one: some(one, "distance_m", 12.0, 99), ""),
+    (lambda one: sided(one, 0.04, 1.0), ""), (lambda one: sided(one, 0.04, -1.0), "heights have another sign than the"),
+    (lambda one: sided(one, -0.04, 1.0), "balls that passed high were slower than the others"),
+    (lambda one: geared(one, exchanged=False), ""),
+    (lambda one: geared(one, exchanged=True), "differ as the wheels' gears do, but the other way round")])
+def test_misses_sides_and_wheels_that_are_odd_are_warned_of(wrong: Callable[[Dataset], Dataset], said: str) -> None:
+    accepted = check_plausible(wrong(table(1, steep=True))).accepted
+    assert (any(said in one for one in accepted) if said else accepted == ()), accepted
 
 
 @pytest.mark.parametrize("cl", [0.0, 0.2])

@@ -1,6 +1,7 @@
 """Names, words and files as teams have them: what is guessed, what is asked, servo positions and workbooks."""
 
 import builtins
+from collections.abc import Callable
 from datetime import date, datetime
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 import truearc as ta
 from tests.sim.data.test_guess_table import RIG
 from truearc.cli.main import main
-from truearc.robot.config.shot_map import as_signal
+from truearc.robot.config.shot_map import as_signal, in_unit, unit_in
 from truearc.sim.data.guess_map import time_column
 from truearc.sim.data.import_shots import guess
 from truearc.sim.data.table import any_table
@@ -97,6 +98,8 @@ def rows(*words: str) -> str:
     (PRINTED, ("in", "rim", "short", "long"), "in=three,rim=two,short=miss-low,long=miss-high"),
     (RIG, ("in", "rim", "short", "long"), "in=hit,rim=hit,short=miss-low,long=miss-high"),
     (RIG, ("made", "bounce?", "miss"), "made=hit,bounce?=rejected,miss=miss"),
+    (RIG, ("in", "rim in", "back rim", "off rim"), "in=hit,rim in=hit,back rim=miss-high,off rim=miss"),
+    (PRINTED, ("two", "rim in", "in and out"), "two=two,rim in=two,in and out=miss"),
     (PRINTED, ("inner", "outer", "miss"), "inner=three,outer=two,miss=miss")])
 def test_a_word_that_is_not_certain_is_asked_about(rig: str, words: tuple[str, ...], proposed: str, tmp_path: Path,
                                                    capsys: pytest.CaptureFixture[str]) -> None:
@@ -164,6 +167,56 @@ def test_shots_that_follow_each_other_evenly_are_no_log(tmp_path: Path) -> None:
     for name in ("Time (s)", "time", "Timestamp"):
         rows_ = "".join(f"{(1 if name == 'Timestamp' else 10) * k},3,3000\n" for k in range(40))
         assert time_column(any_table(write(tmp_path, "a.csv", f"{name},Dist,RPM\n{rows_}"))) is None
+
+
+NEAR = {"Shot": [*range(1, 13)], "Dist (ft)": [8.5 + k for k in range(12)], "Angle": [45 + k / 2 for k in range(12)],
+        "RPM": [3300 + 50 * k for k in range(12)], "Result": ["in", "short"] * 6}
+
+
+@pytest.mark.parametrize(("old", "new", "by", "said"), [
+    ("Dist (ft)", "Dist (m)", lambda k, x: 304.8 * x, "distance_m: not Dist (m): 2591 to 5944 are beyond 0 to 100 m; "
+     "these look like mm: rename it to Dist (mm)"),
+    ("Dist (ft)", "DistanceFt", lambda k, x: 30.48 * x, "these look like cm: rename it to Distance (cm)"),
+    ("Dist (ft)", "Dist (ft)", lambda k, x: 4300 if k == 5 else x, "mine.csv:7: Dist (ft): 4300 is out of range (0 "
+     "to 328.084); the others suggest that it is in mm"),
+    ("Dist (ft)", "Dist (ft)", lambda k, x: 4300 if k in (5, 8) else x, "not Dist (ft): 4300 in "),
+    ("Dist (ft)", "Dist (ft)", lambda k, x: f"{int(x)} ft 6", "Dist (ft): holds texts, such as '8 ft 6'; write"),
+    ("RPM", "Wheel (rad/s)", lambda k, x: x, "motor_rad_s: not Wheel (rad/s): 3300 to 3850 are beyond 20 to 3000 "
+     "rad_s; these look like rpm: rename it to Wheel (rpm)"),
+    ("RPM", "Flywheel RPM", lambda k, x: x / 60.0, "these look like rev_s: rename it to Flywheel (rev_s)"),
+    ("RPM", "Flywheel RPM", lambda k, x: 10 * x if k == 3 else x, "mine.csv:5: Flywheel RPM: 34500 is out of range (0"),
+    ("Result", "Result", None, "mine.csv: has no row below its header (Shot, Dist (ft), Angle, RPM, Result); write")])
+def test_a_column_that_nearly_was_it_is_named_with_the_likely_unit_and_the_command(
+        old: str, new: str, by: Callable[[int, float], object], said: str, tmp_path: Path,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    table = {new if name == old else name: [by(k, x) for k, x in enumerate(cells)] if by and name == old else cells
+             for name, cells in NEAR.items()}
+    lines = [",".join(map(str, row)) for row in zip(*table.values(), strict=True)] if by else []
+    mine = write(tmp_path, "mine.csv", "\n".join([",".join(table), *lines, ""]))
+    rig = write(tmp_path, "rig.toml", RIG)
+    assert main(["import", "csv", str(mine), "--guess", "--rig", str(rig), "-o", str(tmp_path / "out")]) == 2
+    printed = capsys.readouterr().err.strip()
+    assert said in printed
+    assert f"run: truearc import csv {mine} --rig {rig} -o {tmp_path}/out --" in printed.splitlines()[-1]
+
+
+@pytest.mark.parametrize(("times", "said"), [
+    ([60 * k for k in range(12)], "t_s: Time (s), in s"), ([-60 * k for k in range(12)], "t_s: Time (s), in s"),
+    ([60 * (k - (k == 5)) for k in range(12)], "t_s: Time (s), in s"),
+    ([60 * (k - 2 * (k == 5)) for k in range(12)], "t_s: not Time (s): 180 in {}:7 comes after 240; sort the rows"),
+    ([7] * 12, "t_s: not Time (s): 7 in {}:3 comes after 7")])
+def test_times_that_do_not_rise_are_said(times: list[int], said: str, tmp_path: Path) -> None:
+    table = {"Time (s)": times, **{name: cells for name, cells in NEAR.items() if name != "Shot"}}
+    mine = write(tmp_path, "mine.csv", "\n".join(",".join(map(str, row)) for row in [
+        table, *zip(*table.values(), strict=True)]))
+    assert any(said.format(mine) in line for line in guess([mine], write(tmp_path, "rig.toml", RIG)).lines)
+
+
+@pytest.mark.parametrize(("name", "unit", "new"), [
+    ("Dist (ft)", "in", "Dist (in)"), ("distance_m", "ft", "distance_ft"), ("wheel_a_rad_s", "rpm", "wheel_a_rpm"),
+    ("DistanceMM", "in", "Distance (in)"), ("Top RPM", "rad_s", "Top (rad_s)"), ("Angle", "rad", "Angle (rad)")])
+def test_a_heading_in_another_unit_is_read_as_that(name: str, unit: str, new: str) -> None:
+    assert in_unit(name, unit) == new and unit_in(new) == unit
 
 
 # --- workbooks

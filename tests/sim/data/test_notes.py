@@ -39,6 +39,21 @@ def test_a_row_that_is_there_twice_is_noted() -> None:
     assert said.startswith("rows that repeat an earlier one but for the name: 2 (s7 as s5, s9 as s5); ")
 
 
+@pytest.mark.parametrize(("rows", "of", "said"), [
+    ([7], [5], "1 (s7 as s5)"), ([20, 21, 22], [4, 5, 6], "3 (s20 as s4, s21 as s5, s22 as s6)"),
+    ([*range(20, 40)], [*range(20)], "20 (s20 as s0, s21 as s1, s22 as s2, ...)"), ([*range(20, 40)], [0] * 20, "")])
+def test_copies_under_other_numbers_are_noted_alone_or_in_blocks(rows: list[int], of: list[int], said: str) -> None:
+    rng = np.random.default_rng(1)
+    columns = {name: rng.uniform(low, high, SHOTS) for name, low, high in (
+        ("distance_m", 2.0, 5.0), ("hood_deg", 40.0, 55.0), ("motor_ratio", 0.4, 0.8))}
+    for column in columns.values():
+        column[rows] = column[of]
+    found = notes(**columns, outcome=["three", "miss"] * 20, t_s=1.0 + np.arange(SHOTS))
+    expected = () if not said else (f"rows that repeat an earlier one but for the name: {said}; a shot that is "
+                                        "written twice counts twice",)
+    assert found == expected
+
+
 def test_repeated_settings_without_times_are_no_copies() -> None:
     same = np.arange(SHOTS) // 8
     assert notes(distance_m=2.0 + same, hood_deg=40.0 + same, motor_ratio=0.4 + 0.05 * same, t_s=None) == ()

@@ -191,15 +191,6 @@ def written_rig(folder: Path, text: str) -> Path:
     return folder / "rig.toml"
 
 
-def test_rows_that_were_pasted_twice_are_warned_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rows = [f"{3.0 + 0.1 * k},45,two" for k in range(12)]
-    for copies, warned in ((1, False), (2, True)):
-        ids = [f"{k},{row}" for k, row in enumerate(copies * rows)]
-        load(tmp_path, "\n".join(["shot_id,distance_m,hood_deg,outcome", *ids]))
-        said = capsys.readouterr().err
-        assert ("each shot stands there 2 times under other names; if rows were pasted twice" in said) == warned
-
-
 def test_a_missing_cell_is_named_by_the_files_own_column(tmp_path: Path) -> None:
     shots = load(tmp_path, "shot_id,distance_cm,hood_deg\na,400,40\nb,,41\n").shots
     with pytest.raises(InputError, match=r"shots\.csv: shots b: distance_cm is needed and missing"):

@@ -171,7 +171,7 @@ def test_it_stops_after_so_many() -> None:
 
 
 @pytest.mark.parametrize(("planted", "usual", "seed", "why"), [
-    ({PLANTED: 1.1}, {PLANTED: 0.135}, 5, f"{PLANTED} would have to be 6."),
+    ({PLANTED: 1.1}, {PLANTED: 0.135}, 5, f"({PLANTED}) would have to be 7.6 times"),
     ({PLANTED: 0.6}, {}, 5, ""),
 ])
 def test_a_name_is_withheld_where_a_guard_says_so(planted, usual, seed, why) -> None:
@@ -181,7 +181,8 @@ def test_a_name_is_withheld_where_a_guard_says_so(planted, usual, seed, why) -> 
     assert verdict_of(step, step.fitted, None).verdict == ("unknown" if why else "named")
 
 
-@pytest.mark.parametrize(("sds", "why"), [(None, "drag.cd stopped at 0"), (3.5, "drag.cd would have to be"), (3.0, "")])
+@pytest.mark.parametrize(("sds", "why"), [(None, "drag coefficient (drag.cd) stopped at 0, the end"),
+                                           (3.5, "drag coefficient (drag.cd) would have to be"), (3.0, "")])
 def test_a_number_where_it_cannot_be_withholds_the_name(sds, why) -> None:
     step = steps_of(fit_straight({PLANTED: 0.6}, 5))[0]
     fit, layout = step.refit, replace(step.refit.model.layout, precision=100.0 * step.refit.model.layout.precision)

@@ -69,6 +69,13 @@ def test_971s_balls_slip(data_dir: Path) -> None:
     assert 0.01 < loss.low90 < 0.03 < loss.high90 < 0.05  # size is that of the whole, not of what it leaves
 
 
+def test_a_size_that_nature_does_not_have_is_not_stated(data_dir: Path) -> None:
+    """With perspective beside it the drag coefficient of a juggling ball is fitted as 2.1."""
+    finding = discover(import_ball_butler(data_dir / "real/ball_butler_tracks.csv"), ("gravity",)).finding
+    drag = next(one for one in finding.what if one.term == "drag").parameters["cd"]
+    assert 0.6 < drag.low90 < 0.95 and drag.high90 < 1.1
+
+
 def test_254s_tables_have_no_name_and_go_with_the_hood(data_dir: Path) -> None:
     """An assumption of the import is wrong: no effect on a launcher changes at one angle by half of the speed."""
     dataset = import_254(data_dir / "real/frc_shot_tables.csv")
