@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
+from scipy.stats import chi2_contingency
+
 from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.cli.common import SHIPPED
 from truearc.cli.demo_acts import EFFECTS, NOTHING, Act, Sizes, WorldChange, play_event, practise
@@ -64,10 +66,9 @@ def _said(effect: WorldChange, act: Act) -> Line:
 
 
 def two_proportions(hits: tuple[int, int], tries: int) -> float:
-    """Two-sided p of the pooled z-test that two shares of equally many tries are equal; 1 where both are 0 or 1."""
-    pooled = sum(hits) / (2 * tries)
-    error = math.sqrt(2.0 * pooled * (1.0 - pooled) / tries)
-    return math.erfc(abs(hits[1] - hits[0]) / tries / error / math.sqrt(2.0)) if error > 0.0 else 1.0
+    """Two-sided p that two shares of equally many tries are equal (Pearson's test); 1 where both are 0 or 1."""
+    table = [[one, tries - one] for one in hits]
+    return float(chi2_contingency(table, correction=False).pvalue) if 0 < sum(hits) < 2 * tries else 1.0
 
 
 def holm(p: Sequence[float]) -> list[float]:

@@ -37,13 +37,3 @@ def test_a_recording_prints_and_has_its_trials_and_rig(session: Path, tmp_path: 
     assert trial.shot is not None and recording.config.rig.ball.mass_kg > 0.0
     assert str(recording).startswith(f"{session}: 1 trials (1 {trial.outcome.outcome})")
     assert recording._repr_html_().startswith("<pre>")
-
-
-def test_a_recording_that_ends_early_says_where(session: Path, tmp_path: Path) -> None:
-    for name in ("session.json", "config.json"):
-        (tmp_path / name).write_bytes((session / name).read_bytes())
-    whole = (session / "telemetry.mcap").read_bytes()
-    (tmp_path / "telemetry.mcap").write_bytes(whole[:len(whole) // 2])
-    recording = ta.Recording(tmp_path)
-    assert 0 < len(list(recording)) < TICKS
-    assert recording.cut_short is not None and "telemetry.mcap" in recording.cut_short

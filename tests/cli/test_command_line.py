@@ -141,19 +141,15 @@ def test_alone_it_says_what_proof_would_add_and_imports_any_teams_logs() -> None
     assert refused.returncode == 2 and "give one of: csv, wpilog" in refused.stderr
 
 
+# those with a file of a kind of its own: tests/cli/test_file_kinds.py
 @pytest.mark.parametrize("words", [
-    ["session", "replay", "nowhere"], ["session", "recover", "nowhere"],
-    ["session", "convert", "nowhere", "--to", "csv", "-o", "x.csv"],
-    ["shots", "nowhere", "-o", "d"], ["predict", "nowhere", "--cd", "1", "--cl", "0"],
-    ["predict", "--gate", "nowhere.onnx", "nowhere"], ["fit", "nowhere"], ["discover", "nowhere"],
-    ["design", "nowhere"], ["identifiability", "nowhere.toml"], ["export", "nowhere", "-o", "g.onnx"],
-    ["train", "--real", "nowhere", "--coefficients", "nowhere.toml", "-o", "w"], ["verify", "nowhere.onnx"],
-    ["paper", "fit", "nowhere"], ["paper", "train", "--real", "nowhere", "-o", "w"],
-    ["paper", "sweep", "--real", "nowhere", "-o", "w"],
+    ["session", "recover", "nowhere"], ["predict", "--gate", "nowhere.onnx", "nowhere"], ["discover", "nowhere"],
+    ["train", "--real", "nowhere", "--coefficients", "nowhere.toml", "-o", "w"],
+    ["paper", "train", "--real", "nowhere", "-o", "w"], ["paper", "sweep", "--real", "nowhere", "-o", "w"],
     ["paper", "synth", "--rig", "nowhere.toml", "--coefficients", "nowhere.toml", "-o", "d"], ["vision", "nowhere.jpg"],
     ["vision-calibrate", "--distances", "nowhere.csv"], ["vision-tune", "nowhere"],
     ["import", "mpi", "nowhere.csv", "nowhere.csv", "-o", "d"], ["run", "--config", "nowhere.toml"],
-    ["doctor", "--config", "nowhere.toml"], ["deploy", "pi@robot", "--config", "nowhere.toml"], ["sysid", "nowhere"],
+    ["deploy", "pi@robot", "--config", "nowhere.toml"],
     ["emulate", "--trials", "1", "--out", "s", "--config", "nowhere.toml"],
     ["emulate", "--trials", "1", "--out", "s", "--world", "nowhere.toml"],
     ["emulate", "--trials", "1", "--out", "s", "--gate", "nowhere.onnx"],

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import chi2_contingency
 
 import truearc as ta
-from benchmarks.demo_seeds import holm, two_proportions
+from benchmarks.demo_seeds import holm
 from tests.portability.elsewhere import run_elsewhere
 from tests.sim.discover.made import stand_in
 from truearc.api.results import Effect
@@ -106,13 +105,6 @@ def test_the_demo_says_what_was_wrong_how_large_and_what_it_was_worth(tmp_path: 
     assert (folder / "envelope.txt").read_text(encoding="utf-8") == sealed.text
     assert len(ta.load_dataset(folder / "data" / "event").shots) <= QUICK.marked
     assert ta.load_belief(folder / "event.toml").coefficients and (folder / "control.html").is_file()
-
-
-def test_two_proportions_agree_with_pearsons_test() -> None:
-    for hits in ((30, 45), (10, 9), (0, 7)):
-        table = [[hits[0], 60 - hits[0]], [hits[1], 60 - hits[1]]]
-        assert two_proportions(hits, 60) == pytest.approx(chi2_contingency(table, correction=False).pvalue)
-    assert two_proportions((0, 0), 60) == two_proportions((60, 60), 60) == 1.0
 
 
 def test_holm_adjusts_as_in_a_worked_example() -> None:

@@ -1,9 +1,8 @@
-"""Pages say what the code says: columns, keys, names, schemas; and their links, paths and commands lead somewhere."""
+"""Pages say what the code says: columns, keys, names, schemas; and their links and paths lead somewhere."""
 
 import json
 import math
 import re
-import tomllib
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -16,7 +15,6 @@ import truearc
 from tests.golden.make import REFERENCE
 from tools.formats import DOCUMENTS, launcher_keys
 from tools.pages import SCHEMAS
-from truearc.cli.main import COMMANDS, ENTRY_POINTS
 from truearc.hw.devices.canandmag import CanandmagConfig
 from truearc.hw.devices.family import HoodEncoder
 from truearc.robot.config.rig_spec import Rig
@@ -109,7 +107,7 @@ def test_documents_pass_their_schema_and_have_no_key_beside_it() -> None:
         assert set(document) <= {field.encode_name for field in msgspec.structs.fields(kind)}, path
 
 
-# --- links, paths and commands
+# --- links and paths
 
 PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in ("docs", "benchmarks", "examples", ".github")
                                       for page in (ROOT / folder).rglob("*.md"))])
@@ -117,8 +115,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in ("docs", "benchmarks", 
 TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "frc", "benchmarks", "tests", "tools", "docs",
         "examples")
 CODE_PATH = re.compile(rf"(?<![\w./<{{*-])(?:{'|'.join(TOPS)})/[\w./*<>{{}}-]*")
-HISTORY = ("CHANGELOG.md", "docs/measured/proof.md")           # they name files and commands as they were
-COMMAND = re.compile(r"(?<!import )(?<![\w./-])(?:\.venv/bin/)?truearc ([a-z][^`|;&#\n]*)")
+HISTORY = ("CHANGELOG.md", "docs/measured/proof.md")           # they name files as they were
 
 
 def anchors(page: Path) -> set[str]:
@@ -154,30 +151,7 @@ def lost_paths(code: str) -> list[str]:
     return [name for name in names if Path(name).suffix in ("", ".py", ".toml") and not (ROOT / name).exists()]
 
 
-def commands() -> set[str]:
-    """Names of truearc's commands, of proof's and of frc's."""
-    projects = [tomllib.loads((ROOT / name / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-                for name in ("proof", "frc")]
-    return {command.name for command in COMMANDS}.union(*(one["entry-points"][ENTRY_POINTS] for one in projects))
-
-
-def wrong_commands(code: str, known: set[str]) -> list[str]:
-    """Commands that code calls and that do not exist."""
-    called = [line.split() for line in COMMAND.findall(code)]
-    return [" ".join(words) for words in called
-            if not {words[0], " ".join(words[:2])} & known]
-
-
-def current_pages() -> Iterator[Path]:
-    yield from (page for page in PAGES if page.relative_to(ROOT).as_posix() not in HISTORY)
-
-
 def test_paths_in_pages_exist() -> None:
-    lost = {page.relative_to(ROOT).as_posix(): lost_paths(code_of(page)) for page in current_pages()}
+    lost = {page.relative_to(ROOT).as_posix(): lost_paths(code_of(page)) for page in PAGES
+            if page.relative_to(ROOT).as_posix() not in HISTORY}
     assert {name: names for name, names in lost.items() if names} == {}
-
-
-def test_commands_in_pages_exist() -> None:
-    known = commands()
-    wrong = {page.relative_to(ROOT).as_posix(): wrong_commands(code_of(page), known) for page in current_pages()}
-    assert {name: names for name, names in wrong.items() if names} == {}

@@ -23,13 +23,12 @@ from mcap.reader import make_reader
 
 import truearc as ta
 from truearc.cli.main import main
-from truearc.hw.reason import unit_of
 from truearc.robot.reasons import texts
 from truearc.robot.recording.export import SCHEMAS
 from truearc.robot.recording.files import load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials
-from truearc.robot.recording.tabular import FLOAT, INT, FlatTicks
+from truearc.robot.recording.tabular import FlatTicks
 
 
 def convert(session, to, out):
@@ -37,16 +36,15 @@ def convert(session, to, out):
     return out
 
 
-def ticks(session):
-    return [tick for tick, _ in TickReader(session)]
+@pytest.fixture(scope="module")
+def all_ticks(plain):
+    return [tick for tick, _ in TickReader(plain)]
 
 
-def test_csv_has_a_row_a_tick_and_a_row_a_trial(plain, tmp_path):
+def test_csv_has_a_row_a_tick_and_a_row_a_trial(plain, all_ticks, tmp_path):
     out = convert(plain, "csv", tmp_path / "week.csv")
     rows = list(csv.DictReader(out.open(encoding="utf-8")))
-    recorded = ticks(plain)
-    assert len(rows) == len(recorded)
-    for row, tick in zip(rows, recorded, strict=True):
+    for row, tick in zip(rows, all_ticks, strict=True):
         assert int(row["inputs.t_ns"]) == tick.inputs.t_ns
         assert float(row["inputs.flywheels.0.velocity_rad_s"]) == tick.inputs.flywheels[0].velocity_rad_s
         assert row["estimate.distance_m"] == ("" if tick.estimate.distance_m is None
@@ -59,14 +57,14 @@ def test_csv_has_a_row_a_tick_and_a_row_a_trial(plain, tmp_path):
         (str(trial.outcome.trial), trial.outcome.outcome, trial.shot.hood_deg) for trial in load_trials(plain)]
 
 
-def test_parquet_says_the_same_with_units(plain, tmp_path):
+def test_parquet_says_the_same_with_units(plain, all_ticks, tmp_path):
     table = pq.read_table(convert(plain, "parquet", tmp_path / "s.parquet"))
-    flat, recorded = FlatTicks(2), ticks(plain)
-    assert table.column_names == [column.name for column in flat.columns] and table.num_rows == len(recorded)
+    flat = FlatTicks(2)
+    assert table.column_names == [column.name for column in flat.columns] and table.num_rows == len(all_ticks)
     assert table.schema.field("command.hood_torque_nm").metadata == {b"unit": b"Nm"}
     for at in (0, 500, 980):
         row = [table[name][at].as_py() for name in table.column_names]
-        assert row == flat.row(recorded[at])
+        assert row == flat.row(all_ticks[at])
     trials = pq.read_table(tmp_path / "s.trials.parquet").to_pylist()
     assert [trial["distance_m"] for trial in trials] == [trial.shot.distance_m for trial in load_trials(plain)]
 
@@ -125,15 +123,6 @@ def test_trials_that_only_the_telemetry_has_are_converted_and_counted(plain, tmp
     assert (tmp_path / "cut.trials.csv").read_text() == (tmp_path / "whole.trials.csv").read_text()
 
 
-def test_every_number_of_a_tick_says_its_unit_or_needs_none():
-    bare = {column.name.rpartition(".")[2] for column in FlatTicks(2).columns
-            if column.kind in (FLOAT, INT) and not column.unit}
-    assert bare == {"cycle", "axis_state", "axis_error", "faults", "frames", "motor_ratio", "p_two", "p_three",
-                    "integral", "measurement", "rate", "trial", "0", "1", "2", "refused", "phase", "correction",
-                    "trim", "push", "stuck_at", "jams", "differ", "failures", "wheel_failures"}
-    assert unit_of("a.velocity_rad_s") == "rad/s" and unit_of("a.t_ns") == "ns" and unit_of("a.homed") == ""
-
-
 BELIEF = 'schema = "truearc.coefficients/1"\n[drag]\ncd = 0.5\n[magnus]\ncl = 0.05\n[wind_y]\nspeed_m_s = 2.0\n'
 DASHBOARDS = Path(__file__).parents[3] / "examples" / "dashboards"
 
@@ -177,11 +166,6 @@ def path(plain, belief, tmp_path_factory):
 @pytest.fixture(scope="module")
 def exported(path):
     return Exported(path)
-
-
-@pytest.fixture(scope="module")
-def all_ticks(plain):
-    return [tick for tick, _ in TickReader(plain)]
 
 
 def check_plain(schema):

@@ -91,15 +91,18 @@ def test_an_image_that_no_encoder_takes_is_a_reason_with_its_name(tmp_path, monk
     assert disk_trouble(recorder.failed) == IMAGE_NOT_ENCODED(file="000000006.png")
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_recorder_killed_at_a_random_moment_loses_no_mark_and_little_else(plain, tmp_path, seed):
-    killed = kill_once(plain, tmp_path / "s", seed, "twin")
-    assert killed.faults == []
-    assert killed.marks_lost == 0
-    assert killed.lost_s <= 0.25
-
-
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
+
+
+@posix
+@pytest.mark.parametrize(("layout", "seed"), [*(("one", seed) for seed in range(4)),
+                                              *(("three", seed) for seed in range(3))])
+def test_a_process_killed_at_a_random_moment_loses_no_mark_and_little_else(plain, tmp_path, layout, seed):
+    """What records by itself, as fast as it can, and the control process at the robot's pace."""
+    killed = kill_once(plain, tmp_path / "s", seed, "twin" if layout == "one" else "robot", layout)
+    assert killed.faults == [] and killed.marks_lost == 0 and killed.lost_s <= 0.25
+
+
 PATIENCE_S = 30.0                     # of a loaded machine
 
 
@@ -278,13 +281,6 @@ def test_half_a_row_gives_way_to_whole_ones(tmp_path):
     (tmp_path / "trials.jsonl").write_bytes(b'{"one":1}\n{"tw')
     append_trials(tmp_path, [b'{"two":2}', b'{"three":3}'])
     assert (tmp_path / "trials.jsonl").read_bytes() == b'{"one":1}\n{"two":2}\n{"three":3}\n'
-
-
-@posix
-@pytest.mark.parametrize("seed", range(3))
-def test_a_control_process_killed_at_a_random_moment_loses_no_mark_and_little_else(plain, tmp_path, seed):
-    killed = kill_once(plain, tmp_path / "s", seed, "robot", "three")
-    assert killed.faults == [] and killed.marks_lost == 0 and killed.lost_s <= 0.25
 
 
 @posix

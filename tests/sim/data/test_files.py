@@ -143,14 +143,12 @@ def test_an_infinite_number_is_not_written(tmp_path):
 
 @pytest.mark.parametrize(("old", "new", "message"), [
     ("mass_kg = 0.14", "mass_kg = 0.0", "ball.mass_kg: 0.0 must be above 0"),
-    ("mass_kg = 0.14", "mass_kg = nan", "ball.mass_kg: nan is not finite"),
     ("mass_kg = 0.14", "mass_kg = 'light'", "mass_kg"),
     ("mass_kg = 0.14", "", "mass_kg"),
     ("centre_height_m = 2.44", "centre_height_m = 2.44\nthree_half_height_m = 0.5", "target.three_half_height_m"),
     ("[target]", "[world]\ngravity_m_s2 = -9.81\n[target]",
      "world.gravity_m_s2: -9.81 must be above 0; it is a size and points down: write 9.81"),
     ("[target]", '[believe]\nterms = ["drag", "drag"]\n[target]', "believe.terms: 'drag' stands there more than once"),
-    ("[target]", "[world]\ngravity_m_s2 = 0\n[target]", "world.gravity_m_s2: 0.0 must be above 0; it is a size"),
     ("[target]", "[air]\ndensity_kg_m3 = -1.0\n[target]", "air.density_kg_m3: -1.0 must not be below 0"),
 ])
 def test_a_bad_rig_is_named(tmp_path, old, new, message):

@@ -219,12 +219,6 @@ def test_a_heading_in_another_unit_is_read_as_that(name: str, unit: str, new: st
     assert in_unit(name, unit) == new and unit_in(new) == unit
 
 
-@pytest.mark.parametrize(("name", "unit"), [("ActualRPS", "rps"), ("DistanceMM", "mm"), ("distanceIn", "in"),
-                                            ("DistanceFt", "ft"), ("Begin", ""), ("Alarm", ""), ("BATTERYV", "")])
-def test_units_at_the_end_of_camel_case(name: str, unit: str) -> None:
-    assert unit_in(name) == unit
-
-
 # --- workbooks
 
 HEADER = ["Dist (ft)", "Angle", "Flywheel RPM", "Result", "Date"]
