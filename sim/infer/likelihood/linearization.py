@@ -293,7 +293,8 @@ def _fly(intake: Intake, layout: Layout, spot: Point,
     basis[flown, np.arange(len(flown))] = 1.0
     seen, slopes = see_in_blocks(layout.chain, intake.lanes, spot.values, spot.deviates, layout.edges_s, basis,
                                  layout.see)
-    return seen, jax.tree.map(lambda one: one[..., place] * times.reshape(-1, *[1] * (one.ndim - 2), len(like)), slopes)
+    return seen, jax.tree.map(lambda one: one[..., place] * times.reshape(
+        len(times), *[1] * (one.ndim - 2), len(like)), slopes)      # there may be none
 
 
 def _by_constants(intake: Intake, layout: Layout,
