@@ -31,6 +31,7 @@ GAP_NS = 50 * MS                      # after more silence than a lost frame or 
 SETTLE_NS = 50 * MS                   # ... so much later: what was held back comes at once, stamped when it came
 SHARE = 0.25                          # they may differ by this, twice the worst stamps, ...
 SLACK_RAD_S = 3.0                     # ... by this, the noise of a speed, ...
+LOST_NS = 25 * MS                     # after a longer silence, in which a hood may have hopped, positions may be right
 # ... and by what a filter of so long makes of a changing speed: a motor of ours has a quick one (a SPARK's is set to
 # 8 ms), another controller's may have its maker's, of 0.1 s
 OWN_LAG_S, LAG_S = 0.005, 0.2
@@ -49,6 +50,7 @@ class _Told(NamedTuple):
     position_rad: float
     velocity_rad_s: float
     angle_rad: float                  # integral of the reported speeds
+    unseen_rad: float                 # by how much the position changed otherwise in long silences
 
 
 class Agreement:
@@ -92,11 +94,15 @@ class Agreement:
 
     def _follow(self, reading: MotorReading) -> None:
         told, t_ns, velocity = self._told, reading.t_ns, reading.velocity_rad_s
-        angle = 0.0
+        angle = unseen = 0.0
         if told:
             last = told[-1]
-            angle = last.angle_rad + (last.velocity_rad_s + velocity) / 2.0 * (t_ns - last.t_ns) * 1e-9
-        told.append(_Told(t_ns, reading.position_rad, velocity, angle))
+            gap_ns, unseen = t_ns - last.t_ns, last.unseen_rad
+            by_speeds = (last.velocity_rad_s + velocity) / 2.0 * gap_ns * 1e-9
+            angle = last.angle_rad + by_speeds
+            if gap_ns > LOST_NS:
+                unseen += reading.position_rad - last.position_rad - by_speeds
+        told.append(_Told(t_ns, reading.position_rad, velocity, angle, unseen))
         while len(told) > 2 and told[1].t_ns <= t_ns - WINDOW_NS:
             told.popleft()
         differ = self._compare(told[0], told[-1])
@@ -117,7 +123,8 @@ class Agreement:
         grain = GRAIN * (abs(first.position_rad) + abs(last.position_rad)) / span_s
         larger = max(abs(told), abs(turned))
         allowed = SLACK_RAD_S + grain + min(SHARE * larger + lag, LESS_SHARE * larger + MORE_LAG * lag)
-        return None if abs(told - turned) <= allowed else (told, turned)
+        off, unseen = told - turned, (last.unseen_rad - first.unseen_rad) / span_s
+        return None if abs(off) <= allowed or abs(off + unseen) <= allowed else (told, turned)
 
 
 def is_byte_swapped(values: Iterable[bytes]) -> bool:

@@ -3,6 +3,7 @@
 import math
 import struct
 from functools import partial
+from random import Random
 
 import pytest
 from hypothesis import given
@@ -159,6 +160,17 @@ def test_a_speed_that_no_motor_reaches_at_once_is_named(after):
 def test_nor_is_a_hood_that_goes_to_and_fro(amplitude):
     """Its speed turns round within 80 ms."""
     assert listen(motion(lambda t_s: amplitude * min(max(4.0 * math.sin(8.0 * t_s), -1.0), 1.0))) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nor_is_a_hood_that_hops_where_half_of_the_frames_are_lost(seed):
+    """Hops of 40 ms, as small corrections make them, between readings of which most are 0."""
+    random = Random(seed)
+
+    def hops(t_s):
+        return 80.0 * math.sin(math.pi * (t_s % 0.25) / 0.04) if t_s % 0.25 < 0.04 else 0.0
+
+    assert listen(one for one in motion(hops, seconds=60.0) if random.random() > 0.5) is None
 
 
 @given(late_ms=st.lists(st.floats(0.0, 20.0), min_size=20, max_size=20),
