@@ -207,9 +207,12 @@ def out_of_nature(step: Step) -> str:
 
 
 def too_large(step: Step) -> str:
-    """By the size of its refit and by that which is reported; without the room for error that naming leaves either."""
+    """By the size of its refit and by that which is reported; without the room for error that naming leaves either. A
+    size that was measured otherwise may be any."""
     found, usual = step.refit, step.column.usual
     name, among = found.names[0], found.model.catalogue
+    if name in found.model.layout.measured:
+        return ""
     size = max(abs(float(found.amplitude[0])), abs(step.naming.told(step.fitted, name)[0]))
     return (f"{_meaning(name, among)} would have to be {size / usual:.1f} times as large as is usual in such a place"
             if size > MOST_USUAL * usual else "")
