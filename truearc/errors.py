@@ -184,7 +184,8 @@ def _key(key: str) -> str:
 
 def _value(value: Any) -> str:
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(part) for part in value) + "]"
+        text = "[" + ", ".join(_value(part) for part in value) + "]"
+        return text if len(text) <= MAX_LINE else "[\n" + ",\n".join(_value(part) for part in value) + "]"
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

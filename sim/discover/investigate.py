@@ -42,6 +42,7 @@ from truearc.sim.infer.launcher import Launcher, LauncherFit, coefficients_of, c
 from truearc.sim.infer.likelihood.data import every_column, take_in
 from truearc.sim.infer.likelihood.layout import Layout, Measured, is_tracker, lay_out
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error
+from truearc.sim.infer.room import ROOM, Room, has_room, open_room
 from truearc.sim.physics.catalogue import CURVE, Catalogue, as_catalogue, catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Progress
@@ -59,7 +60,7 @@ class Investigation:
     the data carry no test. belief: of the earlier session that was started from; search: settings of every step's
     tests; catalogue: of the terms that were tested; ranges: of the shots' settings; launcher: ball and wheels.
     choice: what is adopted of the steps, once that is judged. threshold: the statistic, in standard deviations, from
-    which a term's test is an alarm."""
+    which a term's test is an alarm. columns: of every shot."""
 
     finding: FindingRecord
     fitted: LauncherFit | None = None
@@ -72,6 +73,7 @@ class Investigation:
     launcher: dict[str, float] = field(default_factory=dict)
     choice: "Choice[Simulation] | None" = None
     threshold: float | None = None
+    columns: dict[str, Any] = field(default_factory=dict)
 
 
 def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,
@@ -99,7 +101,8 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     if not len(model.data.rows):
         return Investigation(silent(dataset, model.data, names, false_alarm, among), catalogue=among)
     fitted = fit_believed(model, lambda done, note: progress(0.3 * done, note))
-    home = None if since is None or belief is None else _at_home(since, belief, names, model.layout)
+    home = (None if since is None or belief is None or (has_room(belief) and not model.data.filmed) else
+            _at_home(since, belief, names, model.layout))
     search = make_search(dataset, false_alarm, seed, home)
     asked, judged = detect(fitted, search, lambda done, note: progress(0.3 + 0.2 * done, note))
     if not asked.tests:
@@ -111,7 +114,8 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     progress(1.0, "done")
     finding = make_finding(dataset, names, fitted, asked, judged, place, steps, search)
     return Investigation(finding, fitted, asked, steps, belief, search, among, ranges_of(dataset.shots),
-                         launcher_of(dataset.rig), threshold=judged.threshold(TERMS, false_alarm))
+                         launcher_of(dataset.rig), threshold=judged.threshold(TERMS, false_alarm),
+                         columns=every_column(dataset))
 
 
 def with_worth(investigation: Investigation) -> Investigation:
@@ -238,10 +242,11 @@ def make_belief(investigation: Investigation,
     """
     choice = choice or judge_adoption(investigation)
     taken, among, finding = choice.trial, investigation.catalogue, investigation.finding
-    named, free, several, evidence = taken.named, taken.free, taken.several, taken.scores
+    named, free, several = taken.named, taken.free, taken.several
+    evidence = taken.scores if taken.room is None else taken.room.fitted.scores
     put_in = {column.name for column in evidence.columns[evidence.first_shared:]}      # not what a rival overtook
     names = [name for step in named[:-1 if several else None] for name in step.refit.names if name in put_in]
-    coefficients, curves = _nameless(evidence, free, investigation.belief)
+    coefficients, curves = _nameless(taken, evidence)
     coefficients |= coefficients_of(evidence, finding.data.believed, among)
     further = named[-1].refit.model.shapes_at(named[-1].refit.point, tuple(names)) if names else {}
     coefficients |= {term: {**coefficients[term], **values} for term, values in further.items()}
@@ -253,7 +258,7 @@ def make_belief(investigation: Investigation,
                   "adopted": [name.partition(".")[0] for name in names] + [one.said for one in free] + _parts(several),
                   "averaged": several is not None,
                   "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
-    why, at_limit = choice.why or taken.why, list(taken.at_limit)
+    why, at_limit = choice.why or taken.why, list(taken.at_limit | stopped(evidence, among))
     if investigation.steps and taken.empty:
         at_limit = at_limit or list(finding.data.at_limit or ())
     refused: dict[str, Any] = {"refused": why} if why else {}
@@ -294,14 +299,15 @@ class Simulation:
     """A simulation that may be adopted, with its measures on hold-out shots (truearc.sim.discover.decide.Adoptable).
 
     named: effects with a name, each beside those before it; free: curves of unexplained ones; several: the average of
-    the last names where they are several; evidence: of it all; why: reason why a curve is not in it.
+    the last names where they are several; fitted: with it all; why: reason why a curve is not in it. It is measured
+    without room, which would help any simulation.
     """
 
     investigation: Investigation
     named: tuple[Step, ...]
     free: tuple[Freed, ...]
     several: Mixed | None
-    scores: ScoreTable
+    fitted: LauncherFit
     why: str
     usual: Gain
     threshold: float | None
@@ -309,9 +315,9 @@ class Simulation:
     @staticmethod
     def of(investigation: Investigation, steps: tuple[Step, ...], gain: Gain, threshold: float | None) -> "Simulation":
         """Return the simulation with these effects, as far as one can represent them."""
-        named = tuple(step for step in steps if not step.unknown)
-        free, why = (all_freed(steps[-1], investigation.search)
-                     if steps and steps[-1].unknown and investigation.search is not None else ((), ""))
+        named, fitted = tuple(step for step in steps if not step.unknown), _fitted(investigation)
+        free, why = (all_freed(steps[-1], investigation.search) if fitted.model.data.filmed and steps
+                     and steps[-1].unknown and investigation.search is not None else ((), ""))
         if free and (name := free[0].beside):
             naming = steps[-1].naming
             named += (replace(steps[-1], naming=replace(naming, refits={name: naming.refits[name]},
@@ -319,9 +325,21 @@ class Simulation:
         elif named:
             named = (*named[:-1], with_own_priors(named))
         several = mixed(named[-1]) if named and not free else None
-        evidence = (free[-1].scores if free else several.scores if several else named[-1].refit.scores if named
-                    else _fitted(investigation).scores.shared_only())
-        return Simulation(investigation, named, free, several, evidence, why, gain, threshold)
+        found = (replace(free[-1].fitted.without_terms(), scores=free[-1].scores) if free else several.fitted if several
+                 else named[-1].refit if named else fitted.without_terms())
+        return Simulation(investigation, named, free, several, found, why, gain, threshold)
+
+    @property
+    def scores(self) -> ScoreTable:
+        return self.fitted.scores
+
+    @cached_property
+    def room(self) -> Room | None:
+        """The fit with room for what it gets wrong, which a belief made here has; None with tracks, and where the
+        belief before says how much there is."""
+        if self.investigation.belief is not None or self.fitted.model.data.filmed or self.scores.plane is None:
+            return None
+        return open_room(self.fitted, self.investigation.columns)
 
     @property
     def empty(self) -> bool:
@@ -419,11 +437,9 @@ def unfitted(fitted: LauncherFit) -> LauncherFit:
 
 def _models(taken: Simulation) -> tuple[list[LauncherFit], list[float]]:
     """The simulations whose average is taken, and the nats of each."""
-    if taken.free:
-        return [replace(taken.free[-1].fitted.without_terms(), scores=taken.scores)], [0.0]
-    last = taken.named[-1]
     if taken.several is None:
-        return [last.refit], [0.0]
+        return [taken.fitted], [0.0]
+    last = taken.named[-1]
     nothing = float(np.log(sum(candidate.visible for candidate in last.naming.candidates)))
     return ([last.fitted.without_terms(), *(last.naming.refits[name] for name in taken.several.share)],
             [nothing, *(last.naming.nats[name] for name in taken.several.share)])
@@ -484,11 +500,13 @@ def flown_error(found: LauncherFit, among: Catalogue) -> float:
     return float(np.sqrt(np.mean(np.sum(errors_m**2, axis=1))))
 
 
-def _nameless(evidence: ScoreTable, free: tuple[Freed, ...],
-              belief: Belief | None) -> tuple[Coefficients, dict[str, Curve]]:
-    """({term: values}, {term: curve}) of unexplained effects, those believed before and those found, as fitted."""
-    curves = {**({} if belief is None else belief.curves), **{one.term: one.curve for one in free}}
+def _nameless(taken: Simulation, evidence: ScoreTable) -> tuple[Coefficients, dict[str, Curve]]:
+    """({term: values}, {term: curve}) of the room, and of unexplained effects, believed before and found, as fitted."""
+    free, room, belief = taken.free, taken.room, taken.investigation.belief
+    curves = {**({} if belief is None else belief.curves), **{one.term: one.curve for one in free},
+              **({} if room is None else dict.fromkeys(ROOM, room.curve))}
     before = {} if belief is None else {name: dict(belief.coefficients[name]) for name in belief.curves}
+    before |= {} if room is None else ROOM
     points = {column.name.removeprefix(CURVE + "."): float(value) for column, value in zip(
         evidence.columns, evidence.point, strict=True) if column.name.startswith(CURVE + ".")}
     return {**before, **{one.term: dict(one.values) for one in free}}, moved_curves(curves, points)

@@ -34,6 +34,16 @@ An unexplained effect is a free curve, which gives its size as a function of a c
 
 Between the knots, the curve is the natural cubic spline of discovery's own fit; beyond the outer knots, it is a
 straight line. Its points are also numbers of the belief: "curve.free_speed.0", "curve.free_speed.1", ...
+
+The room that a fit leaves for what its model gets wrong (truearc.sim.infer.room) is a sum of smooth curves, which are
+uncertain by the covariance like any number:
+
+    [curve.free_speed]
+    value = [0.002, ...]              # a constant, then SHAPES for each covariate
+    otherwise = 0.0
+    [curve.free_speed.over]
+    distance_m = [1.9, 7.6]           # constant beyond this range
+    hood_deg = [32.0, 64.0]
 """
 
 import math
@@ -103,8 +113,14 @@ Columns = Mapping[str, Any]           # name -> numbers [n], or texts (n of them
 Curves = Mapping[str, "Curve"]        # by the term of truearc.sim.physics.catalogue that takes it
 
 
+# Chosen: a bend in the middle of a range; of the paper's launcher and MuJoCo's, errors are no wigglier
+LENGTH = 0.4                          # of a smooth curve, as a share of its covariate's range
+SHAPES = 4                            # of a smooth curve: places less than LENGTH apart, so that no bend is lost
+
+
 class Curve(Struct, frozen=True, forbid_unknown_fields=True):
-    """A curve as described above; `value` belongs to `at` or to `levels`."""
+    """A curve as described above; `value` belongs to `at`, to `levels`, or to a constant and the shapes `over` ranges.
+    """
 
     value: tuple[float, ...]
     otherwise: float
@@ -113,6 +129,7 @@ class Curve(Struct, frozen=True, forbid_unknown_fields=True):
     levels: tuple[str, ...] = ()
     low: float = -np.inf
     high: float = np.inf
+    over: dict[str, tuple[float, float]] = {}
 
     @property
     def points(self) -> Float[np.ndarray, " points"]:
@@ -141,6 +158,12 @@ class Curve(Struct, frozen=True, forbid_unknown_fields=True):
     def by(self, columns: Columns, n: int) -> Float[np.ndarray, "n points"]:
         """Return derivatives [n, K + 1] of its size by the points, at shots with these columns."""
         by = np.zeros((n, len(self.keys)))
+        if self.over:
+            by[:, 0] = 1.0
+            for k, (name, ends) in enumerate(self.over.items()):
+                x = np.asarray(columns.get(name, np.full(n, np.nan)), dtype=float)
+                by[:, 1 + k * SHAPES:1 + (k + 1) * SHAPES] = smooth(x, *ends)
+            return by
         column = columns.get(self.covariate) if self.covariate else None
         if column is not None and self.levels:
             place = {level: k for k, level in enumerate(self.levels)}
@@ -160,6 +183,20 @@ def natural(knots: Float[np.ndarray, " K"], x: Float[np.ndarray, " n"]) -> Float
     spline = CubicSpline(knots, np.eye(len(knots)), bc_type="natural")
     inside = np.clip(x, knots[0], knots[-1])
     return np.asarray(spline(inside) + (x - inside)[:, None] * spline(inside, 1))
+
+
+def smooth(x: Float[np.ndarray, " n"], low: float, high: float) -> Float[np.ndarray, "n shapes"]:
+    """Return shapes of a Gaussian process of variance 1 and LENGTH over a range, less their mean over it; constant
+    beyond it, 0 where x is unknown."""
+    knots, whole = np.linspace(0.0, 1.0, SHAPES), np.linspace(0.0, 1.0, 101)
+
+    def kernel(places: Float[np.ndarray, " m"]) -> Float[np.ndarray, "shapes m"]:
+        return np.asarray(np.exp(-0.5 * ((knots[:, None] - places) / LENGTH)**2))
+
+    root = np.linalg.cholesky(kernel(knots))
+    shapes, mean = (np.linalg.solve(root, kernel(places)).T
+                    for places in (np.clip((x - low) / (high - low), 0.0, 1.0), whole))
+    return np.asarray(np.nan_to_num(shapes - mean.mean(0)))
 
 
 def along(curves: Curves, circumstances: Circumstances, columns: Columns, n: int) -> Circumstances:
@@ -205,6 +242,9 @@ def _read_curve(place: str, table: Any) -> Curve:
         raise InputError(f"{place}: {reworded(str(error), table)}") from error
     if not np.isfinite((*curve.value, *curve.at, curve.otherwise)).all():
         raise InputError(f"{place}: a number in it is not finite")
+    if curve.over and not (len(curve.value) == 1 + SHAPES * len(curve.over)
+                           and all(low < high for low, high in curve.over.values())):
+        raise InputError(f"{place}.over: not a rising range and {SHAPES} values for each covariate, beside a constant")
     if curve.covariate and len(curve.value) != len(curve.levels or curve.at):
         raise InputError(f"{place}.value: {len(curve.value)} of them for {len(curve.levels or curve.at)} places")
     if curve.at and (len(curve.at) < 2 or not (np.diff(curve.at) > 0.0).all()):

@@ -87,7 +87,7 @@ def slopes_at(rig: Rig, fixed: Values, numbers: tuple[Number, ...], at: Float[An
     """Return heights and exact derivatives; `numbers` names the entries of `at` [p], `fixed` has the values of the
     rest.
 
-    A point of the given circumstances' curves is called by its term and its place among all their points.
+    What is added to a curve of the given circumstances is called by the curve's term.
     """
     def height(at: Float[Any, " p"]) -> tuple[Float[Any, " n"], Height]:
         flown = height_at(rig, with_numbers(fixed, numbers, at), along_curve(given, numbers, at), among)
@@ -107,13 +107,11 @@ def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Float[Any, " p"
 
 
 def along_curve(given: Given, numbers: tuple[Number, ...], at: Float[Any, " p"]) -> Given:
-    """Return the same with derivatives by those numbers that are points of its curves."""
+    """Return the same with what those numbers that are of curves add to the curves' sizes."""
     around = given.circumstances
-    for index, (table, point, _) in enumerate(numbers):
+    for index, (table, term, _) in enumerate(numbers):
         if table == CURVE:
-            term, _, place = point.partition(".")
-            nothing = at[index] - jax.lax.stop_gradient(at[index])
-            around = around._replace(**{term: getattr(around, term) + around.curve_by[:, int(place)] * nothing})
+            around = around._replace(**{term: getattr(around, term) + at[index]})
     return given._replace(circumstances=around)
 
 
@@ -164,9 +162,15 @@ def forecast(rig: Rig, belief: Belief, shots: Shots) -> Forecast:
 
 def _block(rig: Rig, belief: Belief, given: Given) -> tuple[Float[np.ndarray, "lanes ..."], ...]:
     inner = [index for index, name in enumerate(belief.names) if not name.startswith(SCATTER + ".")]
-    numbers = tuple(_number(belief, belief.names[index]) for index in inner)
-    flown = slopes_at(rig, belief.coefficients, numbers, belief.values()[inner], given, belief.catalogue)
+    named = [_number(belief, belief.names[index]) for index in inner]
+    at = {one: 0.0 if point else value for (one, point), value in zip(named, belief.values()[inner], strict=True)}
+    flown = slopes_at(rig, belief.coefficients, tuple(at), np.array([*at.values()]), given, belief.catalogue)
     height, by_number = (jax.tree.map(np.asarray, part) for part in (flown.height, flown.by_number))
+    by_number = by_number[:, [[*at].index(one) for one, _ in named]]
+    for column, ((_, term, _), point) in enumerate(named):
+        if point:
+            place = owners(belief.curves).index(term) + int(point)
+            by_number[:, column] *= given.circumstances.curve_by[:, place]
     speed, elevation_deg = (belief.scatter.get(name, 0.0) for name in ("speed", "elevation_deg"))
     launch = (given.rolled * (height.by_launch[:, 0] * speed)**2
               + given.hooded * (height.by_launch[:, 1] * np.radians(elevation_deg))**2)
@@ -178,12 +182,11 @@ def _block(rig: Rig, belief: Belief, given: Given) -> tuple[Float[np.ndarray, "l
     return *(np.where(near, column, np.nan) for column in columns), np.where(near[:, None], slopes, np.nan)
 
 
-def _number(belief: Belief, name: str) -> Number:
+def _number(belief: Belief, name: str) -> tuple[Number, str]:
+    """The number that is flown for it, and which point of a curve it is, or "": all go with the curve's size."""
     table, _, key = name.partition(".")
-    if table == CURVE:
-        term, _, point = key.partition(".")
-        key = f"{term}.{owners(belief.curves).index(term) + int(point)}"
-    return table, key, scale_of(name, belief.catalogue)
+    key, _, point = key.partition(".")
+    return (table, key, scale_of(name, belief.catalogue)), point
 
 
 def _take(given: Given, rows: Int[np.ndarray, " lanes"]) -> Given:

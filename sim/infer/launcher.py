@@ -13,7 +13,7 @@ from scipy.special import ndtr, ndtri
 
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.infer.belief import SCATTER, Belief, Coefficients, scale_of
+from truearc.sim.infer.belief import SCATTER, Belief, Coefficients, Curve, scale_of
 from truearc.sim.infer.fit import Fit, fit_believed
 from truearc.sim.infer.likelihood import layout as lay
 from truearc.sim.infer.likelihood import linearization
@@ -242,6 +242,19 @@ class Launcher:
 
     def sharing(self, names: tuple[str, ...]) -> "Launcher":
         return Launcher(self.data, lay.promoted(self.layout, names))
+
+    def along(self, term: str, values: Mapping[str, float], curve: Curve,
+              by: Float[Array, "n points"]) -> "Launcher":
+        """Return the launcher with a nameless term that goes along a curve, whose shapes at the shots are `by`."""
+        lanes = self.data.lanes
+        before = np.asarray(lanes.circumstances.curve_by)
+        around = lanes.circumstances._replace(curve_by=np.concatenate([before, by], axis=1) if before.ndim == 2 else by)
+        return Launcher(replace(self.data, lanes=lanes._replace(circumstances=around)),
+                        lay.with_curve(self.layout, term, values, curve))
+
+    def extended(self, point: Point) -> Point:
+        """Return a point of the launcher before `along`, with the curves as they were given."""
+        return replace(point, values=np.concatenate([point.values, self.layout.usual[len(point.values):]]))
 
 
 LauncherFit = Fit[Launcher]

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wpiutil import log as wpilog
 
-from tests.robot.recording.test_convert import convert, ticks
+from tests.robot.recording.test_convert import convert
+from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials
 from truearc.robot.recording.tabular import TEXTS
 from truearc_frc.keys import OURS
@@ -64,7 +65,7 @@ def test_a_wpilog_has_every_signal_when_it_changes(log: Log, plain: Path) -> Non
     for name, get in (("/estimate/hood_deg", lambda tick: tick.estimate.hood_deg),
                       ("/inputs/flywheels/1/velocity_rad_s", lambda tick: tick.inputs.flywheels[1].velocity_rad_s)):
         value = None
-        for tick in ticks(plain):
+        for tick in [tick for tick, _ in TickReader(plain)]:
             value = log.records[name].get(tick.inputs.t_ns // 1000, value)
             assert math.isnan(value) if get(tick) is None else value == get(tick)
     trials = [json.loads(trial)["outcome"]["outcome"] for trial in log.records["/trial"].values()]
@@ -92,7 +93,7 @@ def test_a_wpilog_has_poses_by_their_schemas_and_when_the_robot_was_enabled(log:
     poses = {t_us: decode("Pose2d", payload) for t_us, payload in log.records["/pose"].items()}
     enabled = log.records["DS:enabled"]
     pose, armed = None, None
-    for tick in ticks(plain):
+    for tick in [tick for tick, _ in TickReader(plain)]:
         pose, armed = poses.get(tick.inputs.t_ns // 1000, pose), enabled.get(tick.inputs.t_ns // 1000, armed)
         assert armed is tick.memory.armed
         if tick.estimate.distance_m is None:

@@ -21,7 +21,6 @@ import truearc as ta
 from truearc.robot.config.rig_spec import Rig, Site
 from truearc.sim.aim.solve import best_ratios
 from truearc.sim.data.dataset import join_datasets
-from truearc.sim.discover.investigate import make_belief
 from truearc.sim.discover.report.finding_text import either, interval_of, plain, size_of
 from truearc.sim.printed import Progress, make_text, part_of
 from truearc.sim.report import COLOURS, PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
@@ -135,7 +134,7 @@ def practise(rig: Rig, seed: int, sizes: Sizes, recorded: ta.Dataset | None, pro
     shots = shots if recorded is None else join_datasets(recorded, shots)
     shots = replace(shots, facts=structs.replace(shots.rig, site=Site(indoor=True)))
     finding = ta.discover(shots, believe=PAPER, seed=seed, progress=part_of(progress, 0.2, 0.5))
-    paper, _ = make_belief(replace(finding.investigation, steps=()))
+    paper = ta.fit(shots, PAPER).belief
     before = ta.aim(paper, rig, distances_m=DISTANCES_M, hood_deg=AIMED_DEG)
     return _judge(rig, Options(), own + 1, sizes, shots, finding, paper, before, progress)
 

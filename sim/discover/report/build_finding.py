@@ -26,7 +26,7 @@ from truearc.sim.infer.launcher import LauncherFit, improbable, odd_places, stop
 from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.data import Intake, number_columns
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error
-from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.physics.catalogue import CURVE, Catalogue
 from truearc.sim.physics.term import STAGES
 from truearc.sim.statistics import Z90
 
@@ -69,7 +69,8 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
     best = next((step.refit.scores for step in reversed(steps) if not step.unknown or step.withheld), believed)
     at_limit = {name: value for name, value in stopped(believed, among).items()
                 if not name.startswith("scatter.")}                      # scatters take what is missing
-    data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
+    numbers = {name: value for name, value in fitted.values.items() if not name.startswith(CURVE + ".")}
+    data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": numbers},
                              {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, lacks, topspin,
                              at_limit | stopped(best, among), doubted, dataset.notes())
     results = _results(fitted.scores, asked, judged, false_alarm)

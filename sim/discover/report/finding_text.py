@@ -14,6 +14,7 @@ from truearc.sim.discover.detect.covariates import STEP, Covariate, CovariatePai
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Interval, Named, Unknown, Where
 from truearc.sim.discover.identifiability import Sight, TermIdentifiability
+from truearc.sim.infer.room import ROOM
 from truearc.sim.physics.catalogue import Catalogue, Nameless, as_catalogue
 from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Phrase
 from truearc.sim.printed import left_out_lines
@@ -351,7 +352,7 @@ def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false
     if p_value is None:
         return (f"These {shots} shots cannot say anything about the simulation: too few of them have a track, or an "
                 "outcome or height, with distance and launch, that would tell; a test needs eight of like weight.")
-    return (f"{OPENINGS[opening].format(shots)} from the simulation ({_list(believed, among)}) by no more than "
+    return (f"{OPENINGS[opening].format(shots)} from the simulation ({list_believed(believed, among)}) by no more than "
             f"chance. If nothing were missing, {say_chance(p_value)} (p = {p_value:.2g}, alarm at {false_alarm:g}).")
 
 
@@ -449,10 +450,11 @@ def say_step(step: dict[str, object], among: Catalogue | None = None) -> str:
 
 
 def found_names(finding: FindingRecord) -> list[str]:
-    """Names that stand alone, of a finding that compares with no earlier session."""
+    """Names that stand alone, of a finding that compares with no earlier session: --believe takes no curves."""
     each = [(finding.what, finding.set), *((one.what, one.set) for one in finding.also)]
     alone = [what[0] for what, names in each if what and names is not None and len(names) == 1]
-    named = finding.verdict == "named" and all(one.believed is None for one in alone)
+    named = (finding.verdict == "named" and ROOM.keys().isdisjoint(finding.data.believed)
+             and all(one.believed is None for one in alone))
     return [one.term for one in alone if one.term not in finding.data.believed] if named else []
 
 
@@ -495,7 +497,7 @@ def _gained(fit: FitSummary) -> str:
 
 
 def _missing(believed: tuple[str, ...], among: Catalogue | None) -> str:
-    return f"The simulation ({_list(believed, among)}) leaves something out"
+    return f"The simulation ({list_believed(believed, among)}) leaves something out"
 
 
 def say_chance(p_value: float) -> str:
@@ -513,8 +515,11 @@ def _chance(p_value: float) -> str:
     return f" If nothing were missing, {say_chance(p_value)} (p = {p_value:.2g}, adjusted for all tests)."
 
 
-def _list(names: Sequence[str], among: Catalogue | None) -> str:
-    return ", ".join(plain(name, among) for name in names)
+def list_believed(names: Sequence[str], among: Catalogue | None = None) -> str:
+    """Return believed terms as text; the room for what the model gets wrong comes last, as one."""
+    room = ROOM.keys() <= {*names}
+    named = [plain(name, among) for name in names if not (room and name in ROOM)]
+    return ", ".join([*named, *["room for errors of the model"] * room])
 
 
 def _size(amount: float, unit: str) -> str:

@@ -20,7 +20,7 @@ from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.next_steps import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report import pictures
-from truearc.sim.discover.report.finding_text import WORDING, in_words, plain, size_of
+from truearc.sim.discover.report.finding_text import WORDING, in_words, list_believed, plain, size_of
 from truearc.sim.discover.report.pictures import View, flight_png, halves, residual_figure, sight_png, views_of
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
@@ -106,7 +106,7 @@ def sight_section(sight: Sight, opened: bool = False, among: Catalogue | None = 
 
 def make_sight_page(name: str, sight: Sight, among: Catalogue | None = None, origin: Origin = NO_ORIGIN) -> str:
     """HTML page of what data of the rig `name` could tell."""
-    believed = ", ".join(plain(one, among) for one in sight.believed)
+    believed = list_believed(sight.believed, among)
     return make_page(f"truearc identifiability: {name}", sight_sentence(sight), [
         ("Before any data", paragraph(f"Believed: {believed}. Tested: every other effect of the catalogue.")
          + sight_section(sight, True, among))], origin)
@@ -339,7 +339,7 @@ def _field(view: View, investigation: Investigation, what: str) -> str:
 def _summary(finding: FindingRecord, among: Catalogue) -> str:
     data = finding.data
     lines = [f"{data.shots} shots, {LEVELS[data.level]} ({data.level}); believed: "
-             f"{', '.join(plain(name, among) for name in data.believed)}."]
+             f"{list_believed(data.believed, among)}."]
     where = finding.where
     if finding.mismatch.found and where.inseparable:
         lines.append(f"{_capital(wording.say_inseparable(where))}.")

@@ -16,7 +16,6 @@ does that of a competing unexplained change.
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -29,7 +28,7 @@ from truearc.sim.discover.select import terms
 from truearc.sim.infer.belief import Curve
 from truearc.sim.infer.fit import amplitudes, climb
 from truearc.sim.infer.launcher import Launcher, LauncherFit
-from truearc.sim.infer.likelihood.layout import Layout, with_curve
+from truearc.sim.infer.likelihood.layout import Layout
 from truearc.sim.infer.likelihood.score_table import Array, Column, PlaneScores, ScoreTable, fit_linear
 from truearc.sim.physics.catalogue import find_nameless
 from truearc.sim.statistics import Z90, invert
@@ -192,14 +191,9 @@ def climb_with(fitted: LauncherFit, term: str, values: dict[str, float], curve: 
                by: Float[Array, "n points"]) -> tuple[Launcher, LauncherFit]:
     """(the simulation with a curve of these shapes, the fit of its shared columns), uphill from a curve of zero: a step
     on slopes may lead to where the flown simulation is worse than without it."""
-    data, lanes = fitted.model.data, fitted.model.data.lanes
-    before = np.asarray(lanes.circumstances.curve_by)
-    curve_by: Any = np.concatenate([before, by], axis=1) if before.ndim == 2 else by
-    around = lanes.circumstances._replace(curve_by=curve_by)
-    layout = with_curve(fitted.model.layout, term, values, curve.moved(dict.fromkeys(curve.fitted, 0.0)))
-    model = Launcher(replace(data, lanes=lanes._replace(circumstances=around)), layout)
-    bare, new = model.shared_only(), len(layout.usual) - len(fitted.point.values)
-    starts = [replace(fitted.point, values=np.concatenate([fitted.point.values, layout.usual[-new:]]))]
+    model = fitted.model.along(term, values, curve.moved(dict.fromkeys(curve.fitted, 0.0)), by)
+    bare = model.shared_only()
+    starts = [model.extended(fitted.point)]
     if fitted.lost:
         starts.append(bare.middle())
     return model, max((climb(bare, start) for start in starts), key=lambda found: found.log_posterior)

@@ -256,10 +256,10 @@ FAITH = 0.1                           # weight of the prior about the averaged n
 @dataclass(frozen=True)
 class Mixed:
     """share: {column: probability} of the names that have a part, likeliest first; the rest is nothing's, or too
-    little. evidence: of all of them and all shared columns at once, where they forecast the average."""
+    little. fitted: all of them and all shared columns at once, where they forecast the average."""
 
     share: dict[str, float]
-    scores: ScoreTable
+    fitted: LauncherFit
 
 
 def mixed(step: Step) -> Mixed | None:
@@ -308,7 +308,7 @@ def _point(evidence: ScoreTable, layout: Layout) -> Float[Array, " P"]:
     return np.array([known.get(column.name, 0.0) for column in layout.columns])
 
 
-def _come_near(model: Launcher, point: Point, start: Float[Array, " P"], wanted: PlaneScores) -> ScoreTable:
+def _come_near(model: Launcher, point: Point, start: Float[Array, " P"], wanted: PlaneScores) -> LauncherFit:
     """Gauss-Newton steps of all numbers except scatters and random effects of balls, as long as they reduce the rest.
     """
     free = np.flatnonzero(model.layout.source >= 0)
@@ -326,7 +326,7 @@ def _come_near(model: Launcher, point: Point, start: Float[Array, " P"], wanted:
         if not now < (1.0 - ENOUGH) * left:
             break
         point, evidence, left = there, tried, now
-    return evidence
+    return Fit(model, point, evidence)
 
 
 def _left(evidence: ScoreTable, wanted: PlaneScores, free: Int[Array, " free"], start: Float[Array, " P"]) -> tuple[
@@ -366,16 +366,11 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
 
     Left out: beside which a coefficient comes to the end of what is possible; which explains nothing once it is flown;
     an effect that no simulation of single shots can hold (two covariates together; a launch to one side, on which no
-    height depends); a second curve of the same thing. Without tracks also the first where it is not clearly better on
-    unseen shots, and any other: outcomes let a curve follow chance (of fourteen ten forecast another session worse).
+    height depends); a second curve of the same thing.
     """
     fitted, correction = _likeliest(step)
     if correction is None:
         return (), ""
-    beside = step.change is not None and bool(step.change.names)       # its posterior has been compared with a pair's
-    if not fitted.model.data.filmed and not (correction.gain.sum() > 0.0 if beside else clearly(
-            correction.gain, fitted)):
-        return (), "the free curve is not clearly better on unseen shots"
     found: list[Freed] = []
     while correction is not None and len(found) < MOST_CURVES:
         foreseeable = _foreseeable(fitted, correction, search)
@@ -385,7 +380,7 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
             return tuple(found), "" if found and why == UNABLE else why
         found.append(one if found or step.change is None else replace(one, beside="".join(step.change.names)))
         fitted = one.fitted
-        correction = _what_is_left(fitted, search) if fitted.model.data.filmed else None
+        correction = _what_is_left(fitted, search)
     return tuple(found), ""
 
 

@@ -21,6 +21,7 @@ from truearc.sim.infer.likelihood.layout import Layout, Point
 from truearc.sim.infer.likelihood.noise import FLOOR_M, UNMEASURED_M
 from truearc.sim.infer.likelihood.observations import log_volume, timed_noise, whiten
 from truearc.sim.infer.likelihood.score_table import Array, GroupedColumns, PlaneScores, ScoreTable, make_evidence
+from truearc.sim.physics.catalogue import CURVE
 
 LEAD = DEVIATES.index("lead_s")
 
@@ -286,9 +287,27 @@ def _common(deviates: Float[Array, "n D"]) -> Float[Array, "n D"]:
 def _fly(intake: Intake, layout: Layout, spot: Point,
          inputs: Int[Array, " k"]) -> tuple[Prediction, Prediction]:
     """(all lanes at the spot, their slopes by these of the chain's inputs)."""
-    basis = np.zeros((layout.chain.size, len(inputs)))
-    basis[inputs, np.arange(len(inputs))] = 1.0
-    return see_in_blocks(layout.chain, intake.lanes, spot.values, spot.deviates, layout.edges_s, basis, layout.see)
+    like, times = _by_constants(intake, layout, inputs)
+    flown, place = np.unique(like, return_inverse=True)
+    basis = np.zeros((layout.chain.size, len(flown)))
+    basis[flown, np.arange(len(flown))] = 1.0
+    seen, slopes = see_in_blocks(layout.chain, intake.lanes, spot.values, spot.deviates, layout.edges_s, basis,
+                                 layout.see)
+    return seen, jax.tree.map(lambda one: one[..., place] * times.reshape(-1, *[1] * (one.ndim - 2), len(like)), slopes)
+
+
+def _by_constants(intake: Intake, layout: Layout,
+                  inputs: Int[Array, " k"]) -> tuple[Int[Array, " k"], Float[Array, "n k"]]:
+    """(the input that is flown for each, times which its slopes are this one's): of a curve whose first point is a
+    constant, slopes by all points are those by the constant times their shapes."""
+    by, like, times = np.asarray(intake.lanes.circumstances.curve_by), inputs.copy(), np.ones((1, len(inputs)))
+    points = [slot for slot, (term, _) in enumerate(layout.chain.slots) if term == CURVE]
+    for column, slot in enumerate(points):
+        number = int(layout.chain.slots[slot][1].partition(".")[2])
+        if (by[:, column - number] == 1.0).all():
+            like = np.where(inputs == slot, slot - number, like)
+            times = np.where(inputs == slot, by[:, [column]], times)
+    return like, times
 
 
 def variance_of(intake: Intake, log_scatter: Float[Array, " S"]) -> Float[Array, "n D"]:

@@ -15,12 +15,11 @@ from truearc.sim.discover import investigate as adopt
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import Investigation, discover, judge_adoption, make_belief, with_worth
 from truearc.sim.discover.report.finding_text import console_lines, say_adopted
-from truearc.sim.discover.select import simulations as freed
-from truearc.sim.discover.select.posterior import Family, Hypothesis, Part
 from truearc.sim.infer.belief import Belief, Curve, before_the_shot, load_belief, point_belief
 from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import lay_out
+from truearc.sim.infer.room import ROOM, has_room
 from truearc.sim.physics.simulate import classify, predict
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
@@ -62,10 +61,10 @@ def test_the_named_effect_is_among_the_coefficients(hasty: tuple[Dataset, Invest
     (interval,) = found.finding.what[0].parameters.values()
     # larger than usual: by the prior of the usual size, with which names are compared, it is drawn towards zero
     adopted, usual = belief.coefficients["rapid_fire"]["loss"], float(found.steps[0].refit.amplitude[0])
-    assert usual + 0.3 * (interval.value - usual) < adopted < interval.value + 0.05 * interval.sd
+    assert usual < adopted < interval.value + 0.05 * interval.sd
     row = belief.names.index("rapid_fire.loss")
-    assert 0.5 * interval.sd < belief.covariance[row, row]**0.5 <= 1.001 * interval.sd
-    assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency", "rapid_fire"}
+    assert 0.5 * interval.sd < belief.covariance[row, row]**0.5 <= 1.4 * interval.sd
+    assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency", "rapid_fire", *ROOM}
     assert 0.003 < belief.scatter["speed"] < 0.05 and 0.02 < belief.scatter["elevation_deg"] < 2.0
     assert not any(name.startswith(("track_", "scatter.distance")) for name in belief.names)
     path = tmp_path / "adopted.toml"
@@ -119,21 +118,6 @@ def test_of_an_unexplained_effect_the_nearest_names_are_adopted_where_they_clear
     assert kept is before and say_adopted(found.finding, provenance).startswith("adopted: nothing, the belief stays")
 
 
-def changed(found: Investigation, names: tuple[str, ...]) -> Investigation:
-    """The first step unexplained, its likeliest change one of launch speed by distance, beside the names."""
-    assert found.search is not None
-    step, distance = found.steps[0], next(one for one in found.search.covariates if "distance_m" in one.names)
-    family = Family("launch speed", distance, Part(0, np.zeros((1, 1)), np.ones(1)), 0.0, 0.0)
-    change = Hypothesis(names, family, 0.0, 0.0)
-    return replace(found, steps=(replace(step, unknown=True, change=change),))
-
-
-def test_a_change_that_stands_alone_must_be_clearly_better_without_tracks(hasty: tuple[Dataset, Investigation]) -> None:
-    """Nothing goes with the distance in this world."""
-    curves, why = freed.all_freed(changed(hasty[1], ()).steps[0], hasty[1].search)
-    assert curves == () and "not clearly" in why
-
-
 def test_the_simulator_that_believes_it_foretells_better(hasty: tuple[Dataset, Investigation]) -> None:
     dataset, found = hasty
     adopted = make_belief(found)[0].coefficients
@@ -141,12 +125,14 @@ def test_the_simulator_that_believes_it_foretells_better(hasty: tuple[Dataset, I
     assert right(dataset, adopted) > right(dataset, without) + 0.03
 
 
-def test_without_a_finding_the_fit_alone_is_adopted() -> None:
+def test_without_a_finding_the_fit_alone_is_adopted_with_room_for_what_it_gets_wrong() -> None:
     found = discover(shoot(make_world({}, "L1", SHOTS, 1, side=True)), seed=1, terms=FEW)
     belief, provenance = make_belief(found)
     assert provenance["adopted"] == [] and provenance["verdict"] == "none"
-    assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency"}
-    assert belief.coefficients["drag"]["cd"] == pytest.approx(found.finding.data.fitted["all"]["drag.cd"])
+    assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency", *ROOM} and has_room(belief)
+    place, fitted = belief.names.index("drag.cd"), found.finding.data.fitted["all"]["drag.cd"]
+    doubt = 2.0 * belief.covariance[place, place]**0.5
+    assert belief.coefficients["drag"]["cd"] == pytest.approx(fitted, rel=doubt)
 
 
 def test_data_that_say_nothing_lead_to_no_belief() -> None:
@@ -193,9 +179,11 @@ def test_a_curve_that_is_believed_is_not_found_again(nameless: Investigation, se
     assert again.at == curve.at and again.value != curve.value and np.allclose(again.value, curve.value, atol=0.02)
 
 
-def test_points_of_a_curve_are_felt_as_far_as_a_shot_goes_with_them() -> None:
+@pytest.mark.parametrize("curve", [
+    Curve((0.01, 0.02, 0.0), 0.0, "distance_m", (2.0, 4.0, 6.0), low=2.0, high=6.0),
+    Curve((0.01, 0.02, 0.0, -0.01, 0.01), 0.0, over={"distance_m": (2.0, 6.0)})])
+def test_points_of_a_curve_are_felt_as_far_as_a_shot_goes_with_them(curve: Curve) -> None:
     """The same as a deviation of that shot's elevation, which the chain knows without any curve."""
-    curve = Curve((0.01, 0.02, 0.0), 0.0, "distance_m", (2.0, 4.0, 6.0), low=2.0, high=6.0)
     belief = replace(point_belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.06}, "free_elevation": {"angle_rad": 1.0}}),
                      curves={"free_elevation": curve})
     dataset = shoot(make_world({}, "L1", 40, 9))
@@ -205,7 +193,7 @@ def test_points_of_a_curve_are_felt_as_far_as_a_shot_goes_with_them() -> None:
     evidence, _ = model.linearise(model.middle())
     steeper = evidence.score[:, evidence.index("launch elevation")]
     by = curve.by({"distance_m": dataset.shots.number("distance_m")[intake.rows]}, len(intake.rows))
-    for k in range(3):
+    for k in range(len(curve.value)):
         felt = evidence.score[:, evidence.index(f"curve.free_elevation.{k}")]
         assert np.allclose(felt, by[:, k] * steeper, atol=1e-9)
     first = evidence.columns[evidence.index("curve.free_elevation.0")]

@@ -16,6 +16,7 @@ from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Fac
 from truearc.sim.discover.detect.localization import Correction, Place
 from truearc.sim.discover.report import finding_text as text
 from truearc.sim.infer.likelihood.score_table import Column
+from truearc.sim.infer.room import ROOM
 from truearc.sim.physics.catalogue import TERMS, find_terms
 from truearc.sim.physics.term import BallState, Exit, Opening, Vec, complete
 
@@ -218,3 +219,8 @@ def test_load_record_refuses_what_is_no_finding(tmp_path: Path, old: bytes, new:
     path.write_bytes(GOLDEN[0].read_bytes().replace(old, new, 1))
     with pytest.raises(InputError, match=error):
         rec.load_record(path)
+
+
+def test_room_is_one_of_the_things_believed() -> None:
+    assert text.list_believed(("gravity", *ROOM, "drag")) == "gravity, drag, room for errors of the model"
+    assert text.list_believed(("gravity", "free_speed")) == "gravity, a curve of the launch speed"

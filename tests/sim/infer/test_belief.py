@@ -213,7 +213,9 @@ def test_a_table_that_is_no_curve_is_refused(tmp_path: Path, table: str, said: s
         bel.load_belief(file)
 
 
-@pytest.mark.parametrize("curve", [CURVE, bel.Curve((), 0.02), bel.Curve((0.01, 0.02), 0.0, "ball", levels=("a", "b"))])
+@pytest.mark.parametrize("curve", [
+    CURVE, bel.Curve((), 0.02), bel.Curve((0.01, 0.02), 0.0, "ball", levels=("a", "b")),
+    bel.Curve((0.01, 0.02, 0.0, -0.01, 0.01), 0.0, over={"distance_m": (2.0, 6.0)})])
 def test_points_that_are_in_doubt_make_heights_doubtful(curve: bel.Curve, tmp_path: Path) -> None:
     """Against heights flown with one point moved, and heights of beliefs that were drawn; two curves at once."""
     curves = {"free_elevation": bel.Curve((), 0.01), "free_speed": curve}
