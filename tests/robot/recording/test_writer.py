@@ -94,9 +94,8 @@ def test_an_image_that_no_encoder_takes_is_a_reason_with_its_name(tmp_path, monk
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
 
 
-@posix
 @pytest.mark.parametrize(("layout", "seed"), [*(("one", seed) for seed in range(4)),
-                                              *(("three", seed) for seed in range(3))])
+                                              *(pytest.param("three", seed, marks=posix) for seed in range(3))])
 def test_a_process_killed_at_a_random_moment_loses_no_mark_and_little_else(plain, tmp_path, layout, seed):
     """What records by itself, as fast as it can, and the control process at the robot's pace."""
     killed = kill_once(plain, tmp_path / "s", seed, "twin" if layout == "one" else "robot", layout)
