@@ -25,7 +25,7 @@ of its likeliest name. Otherwise it is reported as unknown, its sentence gives t
 |---|---|
 | `at_limit` | a number or a scatter of the fit stopped at the end of its range |
 | `out_of_nature` | a number of a believed term lies CREDIBLE_SD standard deviations of the fit's prior off its centre |
-| `too_large` | the effect would be more than MOST_USUAL times as large as is usual in such a place |
+| `too_large` | the effect, not measured otherwise, would be more than MOST_USUAL times its usual size in such a place |
 
 **Names.** The names are the smallest set that holds at least SURE of the explained probability; it is a single name
 only if that name alone is so probable. Three kinds of names are added: aliases of members, whatever their probability;
