@@ -17,7 +17,9 @@ from truearc.robot.motors import elevation_per_rad
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
 
 RELEASED, AT_REST = Command(), Pid()
-NEAR_PER_S = 10.0                     # the hood's speed limit, per degree that is left to a soft limit
+# The hood's speed limit, per degree that is left to a soft limit; to the end of homing less: there no loop of the angle
+# slows the hood down beforehand, and the shipped one follows its limit within 0.1 s, and its readings are late, too
+NEAR_PER_S, HOMING_PER_S = 10.0, 3.0
 # Torque beyond friction that accelerates the hood: SPARE times the friction, but at least SPARE_SHARE of the torque
 # limit, because the friction may be understated. A screw of 1.5e-5 kg m2, a quarter of the shipped one, then follows
 # the speed limit within 35 ms, longer than its readings lag. After STUCK_S without motion it grows, to all in RISE_S.
@@ -108,11 +110,11 @@ def home(inputs: Inputs, estimate: Estimate, watched: Watch, config: Config) -> 
     """Return the torque toward the limit switch, within the hood's speed limit; with an encoder, not far beyond the
     switch."""
     left_deg = math.inf if estimate.hood_deg is None else estimate.hood_deg - config.hood.low_deg + SWITCH_DEG
-    return slow_down(config.hood.homing_torque_nm, inputs, estimate, watched, config, left_deg)
+    return slow_down(config.hood.homing_torque_nm, inputs, estimate, watched, config, left_deg, HOMING_PER_S)
 
 
 def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, watched: Watch, config: Config,
-              left_deg: float) -> float:
+              left_deg: float, near_per_s: float = NEAR_PER_S) -> float:
     """Return a hood torque that respects `[hood] max_deg_s`, and less near a soft limit, beyond which it is 0, or on
     old readings.
 
@@ -124,6 +126,7 @@ def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, watched: Wat
     Args:
         watched: What the interlocks know of the hood.
         left_deg: Elevation left to the soft limit in the direction of the torque.
+        near_per_s: Speed limit per degree that is left.
     """
     if left_deg <= 0.0 or torque_nm == 0.0:
         return 0.0
@@ -137,7 +140,7 @@ def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, watched: Wat
     # Comparisons: in CPython 3.11 min or max of two numbers is a call of 0.2 us
     screw_deg_s, encoder_deg_s = sign * motor.velocity_rad_s * deg_per_rad, sign * joint.angle_deg_s
     rate_deg_s = encoder_deg_s if encoder_deg_s > screw_deg_s else screw_deg_s
-    limit_deg_s, near_deg_s, share = hood.max_deg_s, NEAR_PER_S * left_deg, 1.0 - age_s / old_s
+    limit_deg_s, near_deg_s, share = hood.max_deg_s, near_per_s * left_deg, 1.0 - age_s / old_s
     limit_deg_s = (near_deg_s if near_deg_s < limit_deg_s else limit_deg_s) * (
         LEAST_SHARE if share < LEAST_SHARE else share)
     size_nm, friction_nm = abs(torque_nm), hood.friction_nm

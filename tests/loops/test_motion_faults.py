@@ -38,9 +38,11 @@ from truearc.hw.devices.button_box import open_button_box
 from truearc.hw.emulated.nodes import StepClock
 from truearc.hw.protocols import CameraFrame
 from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Prescribed, load_config
 from truearc.robot.runtime import run as run_loop
 from truearc.robot.types import Sent, Tick
+from truearc.sim.world import drive
 from truearc.sim.world.emulated_robot import emulated_rig
 from truearc.sim.world.options import Options
 
@@ -225,6 +227,31 @@ def presses_of(arms_again: bool) -> Iterator[tuple[float, str]]:
             yield t_s, "arm"
 
 
+def play_world(world: MovingWorld, config: Config, seconds: float, watcher: Watcher, *, frames: str = "",
+               arms_again: bool = False, is_hidden: bool = False) -> None:
+    """Run the robot in that world for so long in stepped time; the driver arms it and shoots."""
+    box, nodes = open_button_box(), make_sick_nodes(config, world)
+    for node in nodes.values():
+        node.suffer(frames, 0)
+    presses = presses_of(arms_again)
+    due_s, button = next(presses)
+
+    def press(t_ns: int) -> None:
+        nonlocal due_s, button
+        if t_ns * NS >= due_s:
+            box.press(button)
+            due_s, button = next(presses)
+
+    def hidden() -> bool:
+        return is_hidden and eyes.clock.now_ns() * NS % (SEEN_S + HIDDEN_S) > SEEN_S
+
+    eyes = ToldEyes(StepClock(lambda t_ns: None), hidden)
+    with emulated_rig(config, world, nodes, box, eyes, (press,), lambda frame, sent: None,
+                      lambda now_ns: now_ns * NS >= seconds) as (rig, clock):
+        eyes.clock = clock
+        run_loop(rig, config, None, watcher)
+
+
 def configured(case: Case, launcher: str) -> Config:
     config = load_config(SHIPPED)
     rows = tuple(Prescribed(PLACE_M, rad_s / FREE_RAD_S, hood_deg) for rad_s, hood_deg in case.points)
@@ -237,27 +264,39 @@ def configured(case: Case, launcher: str) -> Config:
 def test_no_false_release(name: str) -> None:
     case, seconds = CASES[name], float(os.environ.get("TRUEARC_SOAK_S", "40"))
     config = configured(case, os.environ.get("TRUEARC_SOAK_LAUNCHER", "odrive"))
-    world, box = MovingWorld(1, case.options), open_button_box()
-    nodes, watcher = make_sick_nodes(config, world), Watcher(world)
+    world = MovingWorld(1, case.options)
+    watcher = Watcher(world)
     world.suffer(case.world)
-    for node in nodes.values():
-        node.suffer(case.frames, 0)
-    presses = presses_of(case.arms_again)
-    due_s, button = next(presses)
-
-    def press(t_ns: int) -> None:
-        nonlocal due_s, button
-        if t_ns * NS >= due_s:
-            box.press(button)
-            due_s, button = next(presses)
-
-    def hidden() -> bool:
-        return case.is_hidden and eyes.clock.now_ns() * NS % (SEEN_S + HIDDEN_S) > SEEN_S
-
-    eyes = ToldEyes(StepClock(lambda t_ns: None), hidden)
-    with emulated_rig(config, world, nodes, box, eyes, (press,), lambda frame, sent: None,
-                      lambda now_ns: now_ns * NS >= seconds) as (rig, clock):
-        eyes.clock = clock
-        run_loop(rig, config, None, watcher)
+    play_world(world, config, seconds, watcher, frames=case.frames, arms_again=case.arms_again,
+               is_hidden=case.is_hidden)
     assert not watcher.interlocks and max(watcher.gaps_s) <= GOOD_S
     assert not case.is_shot or watcher.fires * 4 * FIRE_S >= seconds
+
+
+class Lowest(Watcher):
+    """Notes how low the hood has been, and why an axis was released for good."""
+
+    def __init__(self, world: MovingWorld) -> None:
+        super().__init__(world)
+        self.lowest_deg, self.causes = 90.0, set[str]()
+
+    def record(self, tick: Tick, sent: Sent) -> None:
+        self.lowest_deg = min(self.lowest_deg, *(line[5] for line in self._world.lines or [(90.0,) * 6]))
+        self.causes |= {cause.code for reason in tick.verdict.reasons
+                        if isinstance(cause := reason.params.get("cause"), Reason)}
+        super().record(tick, sent)
+
+
+@posix
+@pytest.mark.parametrize(("start_deg", "inertia_kg_m2"), [(25.0, 6e-5), (60.0, 9e-5), (60.0, 2e-5)])
+def test_homing_stops_below_a_switch_that_never_closes(start_deg: float, inertia_kg_m2: float,
+                                                       monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drive, "LOW_DEG", 10.0)           # the stop is far below the switch
+    monkeypatch.setattr(drive, "LOW_RAD", drive.screw_rad(10.0))
+    monkeypatch.setattr(drive, "SCREW_INERTIA_KG_M2", inertia_kg_m2)
+    config = configured(Case(), "odrive")
+    world = MovingWorld(1, Options(), start_deg)
+    watcher = Lowest(world)
+    play_world(world, config, SETTLE_S + 6.0, watcher)
+    assert watcher.causes == {because.SWITCH_NOT_REACHED.name}
+    assert watcher.lowest_deg >= config.hood.low_deg - 1.0
