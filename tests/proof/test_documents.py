@@ -40,8 +40,6 @@ from truearc_proof.rounds.marks import Mark
 from truearc_proof.rounds.solver import solver_id
 from truearc_proof.rounds.worlds import Drawn, make_data
 
-# --- documents
-
 PLAIN = st.recursive(st.none() | st.booleans() | st.integers(-10**9, 10**9) | st.text(max_size=8)
                      | st.floats(allow_nan=False, allow_infinity=False),
                      lambda inner: (st.lists(inner, max_size=3)
@@ -181,8 +179,6 @@ def test_claims_that_cannot_be_read_are_refused(tmp_path: Path, change: dict[str
         asked_of(room, "w1")
 
 
-# --- file lock
-
 def test_a_second_writer_is_told_so_and_the_lock_goes_with_its_holder(tmp_path: Path) -> None:
     program = ("from pathlib import Path; from truearc_proof.rounds import alone\n"
                f"with alone(Path({str(tmp_path)!r})): pass")
@@ -191,8 +187,6 @@ def test_a_second_writer_is_told_so_and_the_lock_goes_with_its_holder(tmp_path: 
         assert "is being played by another process" in done.stderr
     subprocess.run([sys.executable, "-c", program], check=True)
 
-
-# --- somebody else's world
 
 DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "challenge.md"
 WIND: dict[str, Any] = {"kind": "one", "effects": {"wind_x": 2.0}}

@@ -118,10 +118,6 @@ def test_a_decoys_battery_falls_as_its_balls_wear() -> None:
     assert np.corrcoef(np.arange(300), decoy.number("battery_v"))[0, 1] < -0.8
 
 
-# --- MuJoCo's kinds
-
-# --- mujoco kinds
-
 FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig
 
 
@@ -275,8 +271,6 @@ def test_every_kind_becomes_data_and_can_be_shot_again(kind: str, tmp_path: Path
     worlds.make_data(one, tmp_path / "again")
     assert (tmp_path / "again" / "shots.csv").read_bytes() == (tmp_path / "w1" / "shots.csv").read_bytes()
 
-
-# --- home
 
 BELIEVED = ta.Belief({"drag": {"k_per_m": 0.1 + 0.2}, "gravity": {"g_m_s2": 9.81}}, {"speed_rel": 0.01},
                      ("drag.k_per_m",), np.array([[1e-4 / 3]]))

@@ -21,8 +21,6 @@ from truearc.sim.data.files import load_dataset
 from truearc_proof.importers.ball_butler import import_ball_butler
 from truearc_proof.importers.mpi import BALL_NAMES, LAUNCH_COLUMNS, ROBOT_NAMES, TRACK_COLUMNS, import_mpi
 
-# --- import mpi
-
 TABLE_M, BALL_M = 0.76, 0.02
 RPM = (350.0, 350.0, 2800.0)
 
@@ -199,8 +197,6 @@ def test_a_file_that_is_cut_short_or_stands_twice_is_refused(tmp_path: Path) -> 
     with pytest.raises(InputError, match=r"missing\.hdf5: not a readable HDF5 file .*No such file"):
         import_mpi(tmp_path / "missing.hdf5")
 
-
-# --- import ball butler
 
 HEADER = ("shot_id", "t_s", "x_m", "y_m", "z_m")
 RATE_HZ = 300.0

@@ -69,16 +69,6 @@ def test_sound_tables_in_feet_are_read(seed: int, steep: bool) -> None:
     assert check_plausible(table(seed, steep)).accepted == ()
 
 
-@pytest.mark.parametrize(("factor", "said"), [
-    (0.3048 / 0.0254, r"Dist \(ft\): these look like inches: rename the column to Dist \(in\); .*the file's Dist \(ft"),
-    (0.3048, r"Dist \(ft\): these look like metres: rename the column to Dist \(m\)")])
-def test_another_unit_under_a_heading_of_feet_is_named(factor: float, said: str) -> None:
-    sound = table(0, steep=False)
-    wrong = {**sound.shots.numbers, "distance_m": factor * sound.shots.number("distance_m")}
-    with pytest.raises(InputError, match=said):
-        check_plausible(replace(sound, shots=replace(sound.shots, numbers=wrong)))
-
-
 DIST, HOOD = "Dist (ft)", "Hood angle"
 
 

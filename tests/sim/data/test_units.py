@@ -121,13 +121,6 @@ def test_tracks_as_the_plausibility_checks_advise(tmp_path: Path, header: str, f
     assert tracks.t_s == pytest.approx(np.array([1, 2]) * (1e-3 if "t_ms" in header else 1.0))
 
 
-@pytest.mark.parametrize(("name", "read", "factor"), [
-    ("wheel_main_rps", "wheel_main_rad_s", 2.0 * math.pi), ("exit_spin_rps", "exit_spin_rev_s", 1.0),
-    ("exit_speed_ft_s", "exit_speed_m_s", 0.3048), ("since_last_shot_ms", "since_last_shot_s", 1e-3)])
-def test_a_unit_is_the_whole_of_it(tmp_path: Path, name: str, read: str, factor: float) -> None:
-    assert load(tmp_path, f"shot_id,{name}\na,30\n").shots.number(read) == pytest.approx([30.0 * factor])
-
-
 def test_a_missing_column_is_named_beside_near_misses(tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         load(tmp_path, "shot,dist,hood_deg\na,1,45\n")
@@ -163,7 +156,9 @@ def test_a_column_in_another_unit_is_one_problem_and_a_few_bad_cells_are_each_on
 @pytest.mark.parametrize(("name", "value", "read", "is_"), [
     ("temperature_k", 293.15, "temperature_c", 20.0), ("temperature_f", 68.0, "temperature_c", 20.0),
     ("pressure_hpa", 1013.0, "pressure_pa", 101300.0), ("battery_mv", 12600.0, "battery_v", 12.6),
-    ("mass_g", 142.0, "mass_kg", 0.142), ("radius_mm", 89.0, "radius_m", 0.089)])
+    ("mass_g", 142.0, "mass_kg", 0.142), ("radius_mm", 89.0, "radius_m", 0.089),
+    ("wheel_main_rps", 30.0, "wheel_main_rad_s", 60.0 * math.pi), ("exit_spin_rps", 30.0, "exit_spin_rev_s", 30.0),
+    ("exit_speed_ft_s", 30.0, "exit_speed_m_s", 9.144), ("since_last_shot_ms", 30.0, "since_last_shot_s", 0.03)])
 def test_the_advised_columns_are_read(tmp_path: Path, name: str, value: float, read: str, is_: float) -> None:
     assert load(tmp_path, f"shot_id,{name}\na,{value}\n").shots.number(read) == pytest.approx([is_])
 
@@ -179,16 +174,12 @@ def test_empty_columns_behind_the_last_are_skipped(tmp_path: Path, shots: str) -
 def test_the_speed_of_a_wheel_that_the_rig_lacks_is_refused(tmp_path: Path) -> None:
     wheel = '[[launcher.wheel]]\nname = "lower"\nradius_m = 0.05\ngear = 1.0\nclock_deg = 180.0\n'
     shots = {"shot_id": ["a"], "motor_ratio": [0.5], "wheel_low_rad_s": [300.0]}
-    rig = load_rig(written_rig(tmp_path, RIG + wheel))
+    (tmp_path / "rig.toml").write_text(RIG + wheel)
+    rig = load_rig(tmp_path / "rig.toml")
     with pytest.raises(InputError, match=r"wheel_low_rad_s: rig\.toml has no such wheel; it has wheel_lower_rad_s"):
         ta.dataset(shots, rig=rig)
     both = ta.dataset(shots | {"wheel_lower_rad_s": [300.0]}, rig=rig)
     assert "wheel_low_rad_s" in both.shots.numbers                 # of the feeder, say: a covariate
-
-
-def written_rig(folder: Path, text: str) -> Path:
-    (folder / "rig.toml").write_text(text)
-    return folder / "rig.toml"
 
 
 def test_a_missing_cell_is_named_by_the_files_own_column(tmp_path: Path) -> None:
