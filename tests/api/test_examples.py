@@ -21,8 +21,7 @@ def readme_example() -> str:
 
 
 @pytest.mark.slow
-def test_readme_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                             capsys: pytest.CaptureFixture[str]) -> None:
+def test_readme_example_runs(tmp_path, monkeypatch, capsys):
     shutil.copytree(ROOT / SPREADSHEET, tmp_path / SPREADSHEET)
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}

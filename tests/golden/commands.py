@@ -22,8 +22,7 @@ COMMANDS = {
     "verify": ("verify",),
     "discover": ("discover",),
     "identifiability": ("identifiability",),
-    "design": ("design",),
-}
+    "design": ("design",)}
 
 # As tests/conftest.py has it: one thread, so that sums are taken in one order, and XLA's older code generator.
 ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",

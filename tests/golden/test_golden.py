@@ -52,8 +52,7 @@ def run_here(scratch: Path, name: str, *args: str | Path) -> str:
 
 @pytest.mark.skipif(ELSEWHERE, reason="another C library rounds otherwise; references made on Linux, x86-64")
 @pytest.mark.parametrize("name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LONGER)])
-def test_golden_artefact_is_unchanged(name: str, scratch: Path, capsys: pytest.CaptureFixture[str],
-                                      monkeypatch: pytest.MonkeyPatch) -> None:
+def test_golden_artefact_is_unchanged(name, scratch, capsys, monkeypatch):
     if name not in APART:
         monkeypatch.setattr(artefacts, "run", run_here)
     artefact = next(one for one in ARTEFACTS if one.name == name)
@@ -96,8 +95,7 @@ def test_comparison_accepts_other_words_order_and_numbers_within_the_limit(tmp_p
     (("data", "shots"), 61), (("what", 0, "term"), "distance_bias"), (("fit", "accuracy_before"), None),
     (("mismatch", "found"), 1), (("set",), []), (("new key",), 1.0),
 ], ids=lambda part: ".".join(map(str, part)) if isinstance(part, tuple) else str(part))
-def test_comparison_reports_a_changed_value(tmp_path: Path, finding: Finding, path: tuple[Any, ...],
-                                            value: object) -> None:
+def test_comparison_reports_a_changed_value(tmp_path, finding, path, value):
     inner = finding
     for key in path[:-1]:
         inner = inner[key]

@@ -79,8 +79,7 @@ ELSEWHERE = {
                                                                 "test_round.py solves one without its keeper",
     r"^truearc discover (examples/tracks|my_tracks)": "tests/sim/discover/test_tutorial_tracks.py asks it",
     r"^truearc (discover (mpi|drops|falls|bb|two-weeks|new-and-old)|fit (mpi|bb))":
-        "takes long; test_real.py, test_spin_vector.py, test_import_ball_drops.py ask it",
-}
+        "takes long; test_real.py, test_spin_vector.py, test_import_ball_drops.py ask it"}
 EXIT = {r"^truearc doctor": 1}        # exit codes that are documented: no launcher is there
 
 

@@ -122,9 +122,7 @@ def test_a_lost_magnet_sticks_until_cleared(bench) -> None:
 
 
 @pytest.mark.parametrize(("axis", "motor"), [(LEFT, "flywheel_a"), (RIGHT, "flywheel_b")])
-def test_torque_turns_the_motor_the_robots_way_whatever_the_devices_sign(
-    bench, plant, axis: OdriveAxis, motor: str
-) -> None:
+def test_torque_turns_the_motor_the_robots_way_whatever_the_devices_sign(bench, plant, axis, motor):
     bench.arm(axis)
     bench.run(100, odrive.make_torque(axis, 0.4))           # 0.5 s at 400 rad/s2, from the first advance on
     assert plant.velocity_rad_s[motor] == pytest.approx(200.0)

@@ -238,8 +238,7 @@ def test_any_season_can_be_exported(seed: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_domain_that_is_narrowed_is_said_with_the_settings_outside(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_domain_that_is_narrowed_is_said_with_the_settings_outside(tmp_path, capsys, monkeypatch):
     """Season 2 fitted by drag alone: 3, six times a ball's, for which some of its shots stall. Higher degrees, which
     cost ten times as much, might follow even that."""
     monkeypatch.setattr(train, "DEGREES", train.DEGREES[:1])

@@ -215,8 +215,7 @@ def seal(folder: Path, truth: dict[str, Any], data: Path) -> str:
     ({"kind": "one", "effects": {"wind_x": 0.0}}, "wind_x: 0 is nothing"),
     ({"kind": "one", "effects": ["wind_x"]}, r"effects"),
     ({"effects": {"wind_x": 1.0}}, "kind")])
-def test_a_truth_that_can_never_be_marked_is_refused_by_file_and_key(tmp_path: Path, shots: Path,
-                                                                     truth: dict[str, Any], said: str) -> None:
+def test_a_truth_that_can_never_be_marked_is_refused_by_file_and_key(tmp_path, shots, truth, said):
     with pytest.raises(InputError, match=rf"truth\.json: .*{said}"):
         seal(tmp_path, truth, shots)
     assert not (tmp_path / "round").exists()
@@ -238,8 +237,7 @@ def test_reserved_names_too_few_shots_and_nothing_to_believe_are_refused(tmp_pat
         seal(tmp_path, WIND, tmp_path / "blank")
 
 
-def test_a_kill_between_the_ledger_and_the_data_is_made_good_with_the_sealed_data_alone(tmp_path: Path,
-                                                                                         shots: Path) -> None:
+def test_a_kill_between_the_ledger_and_the_data_is_made_good_with_the_sealed_data_alone(tmp_path, shots):
     room = Room(tmp_path / "round")
     told = seal(tmp_path, WIND, shots)
     shutil.rmtree(room.data("challenge"))        # entered, and not given away yet
@@ -321,8 +319,7 @@ def choose_data(room: Room) -> str:
     save_seal(room.seal("w0001"), seal)
     claims = msgspec.json.decode(room.claims("w0001").read_bytes())
     room.claims("w0001").write_bytes(canonical({**claims, "data": seal.data}))
-    enter_otherwise(room, "w0001", {"sealed": seal.commitment,
-                                    "claimed": digest(room.claims("w0001").read_bytes())})
+    enter_otherwise(room, "w0001", {"sealed": seal.commitment, "claimed": digest(room.claims("w0001").read_bytes())})
     return "shots.csv: was changed"
 
 

@@ -91,8 +91,7 @@ def test_two_changes_of_a_robot_are_both_right_when_each_has_one_of_its_names() 
     ("L1", "release_height", "distance_bias", "sensing", False),
     ("L2", "camera_scale", "distance_scale", "sensing", True),
     ("L2", "camera_scale", "release_height", "launch", False)])
-def test_any_name_of_a_class_is_right_of_a_robots_alias(level: str, change: str, name: str, stage: str,
-                                                       right: bool) -> None:
+def test_any_name_of_a_class_is_right_of_a_robots_alias(level, change, name, stage, right):
     told = mark(robot("alias", change, level), finding((name, 0.95), stage=stage), Measured())
     assert (told.first, told.stage, told.covered, told.right) == (right, right, right, ALIKE[level])
 

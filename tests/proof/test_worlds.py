@@ -300,8 +300,7 @@ def test_what_was_kept_is_what_was_worked_out_to_the_last_bit(room: Room, worked
 
 
 @pytest.mark.parametrize("key", ["solver", "data"])
-def test_what_another_solver_kept_or_of_other_data_is_worked_out_again(room: Room, worked_out: list[int],
-                                                                       key: str) -> None:
+def test_what_another_solver_kept_or_of_other_data_is_worked_out_again(room, worked_out, key):
     solver._keep_home(room)
     kept = msgspec.json.decode(room.home.read_bytes())
     room.home.write_bytes(msgspec.json.encode({**kept, key: "other"}))

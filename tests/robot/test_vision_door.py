@@ -112,8 +112,7 @@ def test_labels_give_an_error_table(capsys, tmp_path, good):
     ("file,distance\na,1\n", "labels.csv:1: missing column 'label_distance_m'"),
     ("file,label_distance_m\na,1\nb,far\n", "labels.csv:3: label_distance_m: 'far'"),
     ("file,label_distance_m\na,-1\n", "labels.csv:2: label_distance_m: '-1'"),
-    ("file,label_distance_m\na,nan\n", "labels.csv:2: label_distance_m: 'nan'"),
-])
+    ("file,label_distance_m\na,nan\n", "labels.csv:2: label_distance_m: 'nan'")])
 def test_bad_labels(capsys, tmp_path, good, text, named):
     labels = tmp_path / "labels.csv"
     labels.write_text(text)
@@ -146,8 +145,7 @@ def test_camera_by_file_by_name_and_whole_launcher(capsys, tmp_path, good):
     (("focal_sigma = 0.03", "focal_sigma = 1e6"), "focal_sigma"),
     (("centre_sigma_px = 40.0", "centre_sigma_px = 1e8"), "centre_sigma_px"),
     (("pitch_sigma_deg = 10.0", "pitch_sigma_deg = 1e6"), "pitch_sigma_deg"),
-    (("[camera]", "[camera"), ""),
-])
+    (("[camera]", "[camera"), "")])
 def test_bad_camera_files_name_the_key(capsys, tmp_path, good, change, named):
     text = (Path(robot.__file__).parent / "cameras" / "lifecam_hd3000_480p.toml").read_text()
     path = tmp_path / "camera.toml"
@@ -191,8 +189,7 @@ def png_of(width: int, height: int, kind: int = 2, pixels: bytes = b"") -> bytes
     (png_of(0, 5), "corrupt"), (png_of(80, 60), "corrupt"),
     (cv2.imencode(".png", PICTURE[:, :, 0])[1].tobytes(), "greyscale"),
     (png_of(80, 60, *GREY_ALPHA), "greyscale"),
-    (cv2.imencode(".png", PICTURE.astype(np.uint16))[1].tobytes(), "16-bit"),
-])
+    (cv2.imencode(".png", PICTURE.astype(np.uint16))[1].tobytes(), "16-bit")])
 def test_what_is_wrong_is_said(data, named):
     with pytest.raises(InputError, match=named):
         decode_image(data)

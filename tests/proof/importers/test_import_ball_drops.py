@@ -101,8 +101,7 @@ def test_a_ball_that_nobody_weighed_is_kept_with_empty_cells(tmp_path: Path) -> 
     (5, "ball", "", "drops.csv:5: ball: is missing"),
     (2, "mass_kg", "-0.1", "drops.csv:2: mass_kg: -0.1 is out of range"),
     (30, "mass_kg", "0.05", "drops.csv:30: mass_kg: 'golfball' has another in"),
-    (30, "diameter_m", "", "drops.csv:30: diameter_m: 'golfball' has another in"),
-])
+    (30, "diameter_m", "", "drops.csv:30: diameter_m: 'golfball' has another in")])
 def test_a_bad_cell_is_named(tmp_path: Path, line: int, column: str, cell: str, says: str) -> None:
     rows = good()
     rows[line - 2][HEADER.index(column)] = cell
@@ -123,8 +122,7 @@ HEIGHTS = st.lists(st.floats(0.0, 60.0), min_size=8, max_size=40)
 @settings(max_examples=40, deadline=None)
 @given(heights=st.dictionaries(st.tuples(st.sampled_from(sorted(BALLS)), st.integers(1, 9)), HEIGHTS, min_size=1),
        starts_s=st.floats(0.0, 1e4))
-def test_every_sample_arrives_under_its_drop(tmp_path_factory: pytest.TempPathFactory,
-                                             heights: dict[tuple[str, int], list[float]], starts_s: float) -> None:
+def test_every_sample_arrives_under_its_drop(tmp_path_factory, heights, starts_s):
     rows = [[ball, ball, number, starts_s + k * FRAME_S, height, 0.0, *body(ball)]
             for (ball, number), column in heights.items() for k, height in enumerate(column)]
     dataset = import_ball_drops(write(tmp_path_factory.mktemp("drops"), rows))
@@ -182,8 +180,7 @@ def test_a_ball_has_another_name_in_the_list_and_perhaps_no_weight(tmp_path: Pat
 @pytest.mark.parametrize(("column", "cell", "says"), [
     (1, None, "t_s: is missing"), (2, True, "height_m: 'a yes or no' is not a finite number"),
     (2, "high", "height_m: 'high' is not a finite number")])
-def test_empty_rows_are_passed_over_and_rows_keep_their_numbers(tmp_path: Path, column: int, cell: object,
-                                                                says: str) -> None:
+def test_empty_rows_are_passed_over_and_rows_keep_their_numbers(tmp_path, column, cell, says):
     content = sheets()
     content["Golf Ball"].insert(3, [None] * 4)
     assert len(import_ball_drops(*files(tmp_path, content)).shots) == 4
@@ -197,8 +194,7 @@ def test_empty_rows_are_passed_over_and_rows_keep_their_numbers(tmp_path: Path, 
     (LIST.replace("1.62", "light"), "balls.txt:2: 'light' is not a finite number, nor '??' for unknown"),
     (LIST + "golfball 1 2", "balls.txt:8: 'golfball' stands twice"),
     (LIST.replace("golfball", "golf"), "xls, sheet Golf Ball: its ball, golfball, is not in "),
-    (LIST.replace("1.62", "-1"), "xls, sheet Golf Ball:2: mass_kg: -0.0283495 is out of range"),
-])
+    (LIST.replace("1.62", "-1"), "xls, sheet Golf Ball:2: mass_kg: -0.0283495 is out of range")])
 def test_a_ball_without_weight_and_size_is_named(tmp_path: Path, balls: str, says: str) -> None:
     with pytest.raises(InputError) as caught:
         import_ball_drops(*files(tmp_path, sheets(), balls))

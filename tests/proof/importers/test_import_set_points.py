@@ -268,8 +268,7 @@ def history(folder: Path, *near_deg: float) -> Path:
                                                    for k, deg in enumerate(near_deg)])
 
 
-def test_an_elevation_below_the_line_of_sight_is_doubted_and_imported(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_elevation_below_the_line_of_sight_is_doubted_and_imported(tmp_path, capsys):
     flat = history(tmp_path, STEEP_DEG + 0.5, STEEP_DEG - 0.5, STEEP_DEG - 8.0)
     assert truearc.main(["import", "frc-3476", str(flat), "-o", str(tmp_path / "d")]) == 0
     said = capsys.readouterr().out

@@ -41,8 +41,7 @@ def truth(effect: str | None, amount: float) -> np.ndarray:
     spin = np.array([0.0, -math.pi * SPIN_REV_S, 0.0])
     density = 1.2 * (1.0 + DENSITY * amount) if effect == "air_density" else 1.2
     used = AGE if effect == "drag_wear" else 0.0
-    return np.stack([acceleration(t, v, spin, world, density, used)
-                     for t, v in zip(TIME_S, VELOCITY, strict=True)])
+    return np.stack([acceleration(t, v, spin, world, density, used) for t, v in zip(TIME_S, VELOCITY, strict=True)])
 
 
 def test_drag_lift_and_gravity_are_the_whole_law() -> None:

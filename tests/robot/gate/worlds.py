@@ -127,8 +127,7 @@ FACTS: dict[str, Fact] = {
     "limit: hood twice": Fact(1.5, limits(1.5)),
     "limit: steady": Fact(0.1, among(math.nan, math.inf, 0.2, 0.7)),
     "family": Fact("odrive", among(*FAMILIES)),
-    "pressed": Fact((), among(("arm",), ("fire",), ("arm", "fire"), ("fire", "arm"), ("two",), ("reject",))),
-}
+    "pressed": Fact((), among(("arm",), ("fire",), ("arm", "fire"), ("fire", "arm"), ("two",), ("reject",)))}
 NAMES = tuple(FACTS)
 IN_CONFIG = tuple(name for name in NAMES if name.startswith(("policy", "limit: ")))
 GOOD: Facts = {name: fact.good for name, fact in FACTS.items()}

@@ -224,8 +224,7 @@ def test_each_link_has_its_age_and_the_newest_sighting_is_kept():
 
 @pytest.mark.parametrize(("recording", "faults", "value", "ok"), [
     ("monday", (), "monday", True), ("", (), "nothing is recorded", False),
-    ("monday", (because.NOT_RECORDING(cause=because.DISK_FULL()),), "not recording: no space left on the disk", False),
-])
+    ("monday", (because.NOT_RECORDING(cause=because.DISK_FULL()),), "not recording: no space left on the disk", False)])
 def test_whether_it_is_recorded(recording, faults, value, ok):
     view = seen(step(replace(good_inputs(), faults=faults), good_memory(), CONFIG, None), recording=recording)
     assert (line(view, "Robot", "recording").value, line(view, "Robot", "recording").ok) == (value, ok)

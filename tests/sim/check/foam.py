@@ -66,8 +66,7 @@ def season(rng: np.random.Generator, rigs: int, shots: int = 40, near: bool = Fa
             for k in range(rigs)]
 
 
-def height_at(speed: np.ndarray, hood: np.ndarray, drag: np.ndarray, distance: np.ndarray,
-              lift: float) -> np.ndarray:
+def height_at(speed: np.ndarray, hood: np.ndarray, drag: np.ndarray, distance: np.ndarray, lift: float) -> np.ndarray:
     """Height above the muzzle where a ball passes a distance; minus infinity where it never gets there; lift: by
     backspin in proportion to speed, over drag."""
     vx, vz = speed * np.cos(np.radians(hood)), speed * np.sin(np.radians(hood))

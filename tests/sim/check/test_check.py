@@ -1,7 +1,6 @@
 """Wrong units and angles of shots and rigs are refused by name before a fit makes physics of them."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,8 +25,7 @@ from truearc.sim.infer.belief import point_belief
 @pytest.mark.parametrize(("spoiled", "said"), [
     (lambda one: numbers(one, distance_m=one.shots.number("distance_m") / 0.3048), "distance_m: these look like feet"),
     (lambda one: numbers(one, hood_deg=90.0 - one.shots.number("hood_deg")), "the angle is from the vertical")])
-def test_a_shot_without_a_speed_does_not_keep_the_others_from_being_judged(
-        table: Dataset, spoiled: Callable[[Dataset], Dataset], said: str) -> None:
+def test_a_shot_without_a_speed_does_not_keep_the_others_from_being_judged(table, spoiled, said):
     lost = {name: np.where(np.arange(len(table.shots)) == 3, np.nan, column) for name, column in
             faster(table, 1.0).items()}
     assert check_plausible(numbers(table, **lost)).accepted == ()
@@ -90,8 +88,7 @@ def mixed(dataset: Dataset, every: int, factor: float) -> Dataset:
     ("noise", {"distance_m": 5.0}, r"noise\.distance_m: 5 is more than .* centimetres or inches .*check 'noise'"),
     ("noise", {"track_m": 1.5}, r"noise\.track_m: 1\.5 is more than .* centimetres or inches"),
     ("tracker", {"scale_sd": 5.0}, r"tracker\.scale_sd: 5 is more than .* per cent; it is a share")])
-def test_numbers_of_a_rig_in_another_unit_are_refused(table: Dataset, part: str, keys: dict[str, Any],
-                                                      said: str) -> None:
+def test_numbers_of_a_rig_in_another_unit_are_refused(table, part, keys, said):
     with pytest.raises(InputError, match=said):
         ta.fit(stated(table, part, **keys), ("gravity", "drag"))
 
@@ -137,8 +134,7 @@ def test_what_may_be_another_unit_or_is_not_stated_warns(table: Dataset, odd: An
     ({"miss_height_m": -18.0}, r"miss_height_m: these look like centimetres: rename .* to miss_height_cm"),
     ({"miss_height_m": 6.0}, r"miss_height_m: these look like inches: rename .* to miss_height_in"),
     ({"miss_height_m": 0.5}, r"miss_height_m: these look like feet: rename .* to miss_height_ft")])
-def test_balls_and_heights_of_shots_in_another_unit_are_refused(table: Dataset, columns: dict[str, float],
-                                                                said: str) -> None:
+def test_balls_and_heights_of_shots_in_another_unit_are_refused(table, columns, said):
     foam = ball(table, mass_kg=0.142, radius_m=0.0889)
     ordinary = {"mass_kg": 0.143, "radius_m": 0.089, "miss_height_m": 0.05}
     right, wrong = (numbers(foam, **{name: np.full(40, value) for name, value in one.items()})
@@ -176,8 +172,7 @@ def test_heights_that_can_be_pass(table: Dataset) -> None:
     (lambda one: numbers(one, **faster(one, 30.0 / np.pi)), "revolutions per minute"),
     (lambda one: wheels(numbers(one, **faster(one, 1.0 / 0.2)), [changed(wheel, gear=0.2) for wheel in WHEELS]),
      "these look like the motors' speeds, before the gears")])
-def test_speeds_of_wheels_that_are_not_theirs_are_called_so(filmed: Dataset, table: Dataset, wrong: Any,
-                                                            said: str) -> None:
+def test_speeds_of_wheels_that_are_not_theirs_are_called_so(filmed, table, wrong, said):
     for dataset in (table, filmed):
         with pytest.raises(InputError, match=said):
             ta.fit(wrong(dataset), ("gravity", "drag"))

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -77,8 +76,7 @@ DIST, HOOD = "Dist (ft)", "Hood angle"
     (lambda own: {DIST: 12.0 * own[DIST]}, r"Dist \(ft\): these look like inches: rename the column to Dist \(in\);"),
     (lambda own: {DIST: 0.3048 * own[DIST]}, r"Dist \(ft\): these look like metres: rename the column to Dist \(m\);"),
     (lambda own: {DIST: own[HOOD], HOOD: own[DIST]}, r"Dist \(ft\), Hood angle: these look exchanged")])
-def test_what_was_imported_is_said_by_its_own_headings_with_the_command(
-        wrong: Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]], said: str, tmp_path: Path) -> None:
+def test_what_was_imported_is_said_by_its_own_headings_with_the_command(wrong, said, tmp_path):
     sound = table(0, steep=True)
     shots, out, mine = sound.shots, tmp_path / "out", tmp_path / "mine.csv"
     own = {DIST: shots.number("distance_m") / 0.3048, HOOD: shots.number("hood_deg"),

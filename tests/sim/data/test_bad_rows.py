@@ -29,8 +29,7 @@ BAD_ROWS = {
     "a,3,50,0.5,two,,,": "3: shot_id: 'a' stands already in",
     ",3,50,0.5,two,,,": "3: shot_id: is missing",
     "b,3,50,0.5,two": "3: 5 cells where the header has 8",
-    "b,3,50,0.5,two,,,,9": "3: 9 cells where the header has 8",
-}
+    "b,3,50,0.5,two,,,,9": "3: 9 cells where the header has 8"}
 SOUND, TRACK, TRACE = f"{HEADER}\n{GOOD}\n", "shot_id,t_s,x_m,y_m,z_m\na,0,0,0,1\n", "shot_id,t_s,signal,value\n"
 
 

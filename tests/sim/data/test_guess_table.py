@@ -59,8 +59,7 @@ def sheet(folder: Path, *lines: str, name: str = "mine.csv") -> Path:
     return path
 
 
-def test_a_students_spreadsheet_is_imported_and_checked(rig: Path, tmp_path: Path,
-                                                        capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_students_spreadsheet_is_imported_and_checked(rig, tmp_path, capsys):
     out = tmp_path / "out"
     mine = sheet(tmp_path, HEADER, *ROWS)
     assert main(["import", "csv", str(mine), "--guess", "--rig", str(rig), "-o", str(out)]) == 0
@@ -91,8 +90,7 @@ def test_a_students_spreadsheet_is_imported_and_checked(rig: Path, tmp_path: Pat
     assert again.shots.text("outcome") == shots.text("outcome")
 
 
-def test_a_word_that_is_not_known_is_asked_about(rig: Path, tmp_path: Path,
-                                                                      capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_word_that_is_not_known_is_asked_about(rig, tmp_path, capsys):
     mine = sheet(tmp_path, HEADER, *ROWS, "13,13,46,3550,bounce,new", "14,13,46,3550,,new", "15,13,46,3550,bounce,new")
     words = ["import", "csv", str(mine), "--rig", str(rig), "-o", str(tmp_path / "out")]
     assert main([*words, "--guess"]) == 2
@@ -135,8 +133,7 @@ def test_day_and_driver_beside_a_session_are_groups_of_shots(rig: Path, tmp_path
 
 
 @pytest.mark.parametrize(("name", "value"), [("Hood from vertical (deg)", 30.0), ("Hood from vertical [rad]", 0.5236)])
-def test_an_angle_from_the_vertical_is_read_as_its_complement(name: str, value: float, rig: Path,
-                                                              tmp_path: Path) -> None:
+def test_an_angle_from_the_vertical_is_read_as_its_complement(name, value, rig, tmp_path):
     rows = [f"{k},{9 + k},{value * (1.0 - 0.01 * k)},3300,{'in' if k % 2 else 'short'},old" for k in range(12)]
     mine = sheet(tmp_path, HEADER.replace("Hood angle", name), *rows)
     found = guess([mine], ta.load_rig(rig))
@@ -182,8 +179,7 @@ def test_what_is_missing_is_said_with_what_was_recognised(rig: Path, tmp_path: P
     (["Title", "Dist (ft),hood_deg,RPM", "10,45,3000", "10,145,3000"], "mine.csv:4: hood_deg: 145 is out of range"),
     (["Time (s),Distance,Angle,RPM", *(f"{k / 50},3,45,3000" for k in range(30))], "no shot was found"),
     ([], "header is missing"), (["\n"], "header is missing")])
-def test_a_wrong_cell_is_named_by_line_and_a_log_is_no_table_of_shots(lines: list[str], said: str, rig: Path,
-                                                                      tmp_path: Path) -> None:
+def test_a_wrong_cell_is_named_by_line_and_a_log_is_no_table_of_shots(lines, said, rig, tmp_path):
     with pytest.raises(ta.InputError) as refused:
         ta.import_shots([sheet(tmp_path, *lines)], rig=rig)
     assert said in str(refused.value)

@@ -1,7 +1,6 @@
 """Two sessions of one rig: only what has changed is named; several names are parted by a tape, or averaged."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -126,8 +125,7 @@ def believed_at(evidence: ScoreTable, believed: tuple[str, ...]) -> Coefficients
 
 
 @pytest.mark.slow
-def test_it_forecasts_the_average_and_no_single_name_does(raised: tuple[Dataset, Investigation],
-                                                          tmp_path: Path) -> None:
+def test_it_forecasts_the_average_and_no_single_name_does(raised, tmp_path):
     dataset, found = raised
     assert found.finding.verdict == "set"
     step, believed = with_own_priors(found.steps[-1:]), found.finding.data.believed
