@@ -159,10 +159,6 @@ def shortened(command: str) -> str:
     return command
 
 
-def is_elsewhere(command: str) -> bool:
-    return any(re.search(pattern, command) for pattern in ELSEWHERE)
-
-
 def check_options(command: str) -> None:
     """Every option that is printed is one of the command's; a truearc command or benchmark of that name is there."""
     command, _, more = command.partition(";")
@@ -263,7 +259,7 @@ def test_every_command_of_a_page_does_what_it_says(page: Path, workspace: Worksp
     for command, in_block in commands_of(page):
         began = time.monotonic()
         try:
-            if is_elsewhere(command) or (not in_block and is_fragment(command)):
+            if any(re.search(pattern, command) for pattern in ELSEWHERE) or (not in_block and is_fragment(command)):
                 check_options(command)
             elif command not in _done:
                 workspace.run(shortened(command))

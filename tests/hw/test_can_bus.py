@@ -25,8 +25,7 @@ from truearc.hw.real import can_bus
 from truearc.hw.real.clock import MonotonicClock, make_pauses_s
 
 standard, extended, payloads = st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF), st.binary(max_size=8)
-frames = st.one_of(
-    st.tuples(standard, payloads).map(lambda drawn: Frame(0, *drawn)),
+frames = st.one_of(st.tuples(standard, payloads).map(lambda drawn: Frame(0, *drawn)),
     st.tuples(extended, payloads).map(lambda drawn: Frame(0, *drawn, is_extended=True)),
     st.tuples(standard, st.integers(0, 8)).map(lambda drawn: Frame(0, drawn[0], bytes(drawn[1]), is_remote=True)),
     st.tuples(extended, st.integers(0, 8)).map(lambda drawn: Frame(0, drawn[0], bytes(drawn[1]), True, True)))
@@ -130,23 +129,11 @@ def adapter():
 
 
 def read_bytes(far: int, count: int) -> bytes:
-    """As read_until, of the adapter's end; less than `count` when no more comes for 2 s."""
+    """Of the adapter's end, as they come; less than `count` when no more comes for 2 s."""
     data = b""
     while len(data) < count and select.select([far], [], [], 2.0)[0]:
         data += os.read(far, 100)
     return data
-
-
-def read_until(bus, count: int) -> list[Frame]:
-    """Frames as they come: the kernel carries bytes across a pseudo-terminal in its own time."""
-    frames: list[Frame] = []
-    done = threading.Event()
-    for _ in range(2000):
-        frames += bus.read()
-        if len(frames) >= count:
-            break
-        done.wait(0.002)
-    return frames
 
 
 @pytest.mark.parametrize(("code", "advice"), [(errno.EAFNOSUPPORT, "modprobe can_raw"), (errno.ENODEV, "how-to/buses")])
@@ -170,7 +157,7 @@ def test_slcan_speaks_the_adapters_lines(adapter, clock) -> None:
     assert read_bytes(far, len(lines)) == lines
     assert bus.read() == []                                # nothing there: returns at once
     os.write(far, b"t02980000C03F00000040\rT070E07C56006000000040\r" * 25)
-    received = read_until(bus, 50)
+    received = gather(bus, 50)
     assert len(received) == 50
     assert received[0] == Frame(0, 0x29, bytes.fromhex("0000C03F00000040"))
     assert received[49] == Frame(0, 0x070E07C5, bytes.fromhex("006000000040"), True)
@@ -279,7 +266,6 @@ class _Failing:
 
 
 HELLO = Frame(7, 0x21, bytes(8))
-PATIENCE_S = 20.0
 
 
 def lost(detail: str) -> LinkLost:
@@ -347,7 +333,7 @@ def why_lost(bus: can_bus.SupervisedBus) -> str:
 benches = closed_after(Bench, "clock")
 
 
-def gather(bus: can_bus.SupervisedBus, count: int) -> list[Frame]:
+def gather(bus: can_bus.CanBus | can_bus.SupervisedBus, count: int) -> list[Frame]:
     frames: list[Frame] = []
     wait_until(lambda: frames.extend(bus.read()) or len(frames) >= count)
     return frames

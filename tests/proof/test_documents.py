@@ -41,8 +41,7 @@ from truearc_proof.rounds.solver import solver_id
 from truearc_proof.rounds.worlds import Drawn, make_data
 
 PLAIN = st.recursive(st.none() | st.booleans() | st.integers(-10**9, 10**9) | st.text(max_size=8)
-                     | st.floats(allow_nan=False, allow_infinity=False),
-                     lambda inner: (st.lists(inner, max_size=3)
+                     | st.floats(allow_nan=False, allow_infinity=False), lambda inner: (st.lists(inner, max_size=3)
                                     | st.dictionaries(st.text(max_size=5), inner, max_size=3)), max_leaves=8)
 WORLDS = st.dictionaries(st.text(max_size=5), PLAIN, max_size=4)
 

@@ -10,9 +10,7 @@ import pytest
 
 import truearc as ta
 from truearc import robot
-from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
-from truearc.sim.data.files import load_dataset
 from truearc.sim.infer.belief import as_table
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import STAGES
@@ -76,9 +74,9 @@ def test_engines_can_be_chosen() -> None:
     both = drawn("L1", 400)
     assert {one.kind for one in both if one.engine == MUJOCO} == set(SHARES)
     assert 0.15 < sum(one.engine == MUJOCO for one in both) / 400 < 0.25
-    with pytest.raises(InputError, match="engines"):
+    with pytest.raises(ta.InputError, match="engines"):
         drawn("L1", 10, ("pybullet",))
-    with pytest.raises(InputError, match="level"):
+    with pytest.raises(ta.InputError, match="level"):
         worlds.draw_round(1, 10, "L3", 300)
 
 
@@ -102,7 +100,7 @@ def test_a_foreign_world_is_an_event_with_its_practice_beside(level: str, tmp_pa
         worlds.make_data(one, tmp_path / name)
     worlds.make_more(one, [Asked(4.0, 50.0, 0.6, 3)], tmp_path / "more")
     assert hash_files(tmp_path / "w1") == hash_files(tmp_path / "again")
-    event, practice, more = (load_dataset(tmp_path / name) for name in ("w1", "w1/home", "more"))
+    event, practice, more = (ta.load_dataset(tmp_path / name) for name in ("w1", "w1/home", "more"))
     assert [len(each.shots) for each in (event, practice, more)] == [16, 60, 3]
     assert event.facts == practice.facts and event.facts.believe.terms
     assert (event.tracks is None) == (level != "L2") and "side" in event.shots.texts
@@ -265,7 +263,7 @@ def test_every_kind_becomes_data_and_can_be_shot_again(kind: str, tmp_path: Path
     one = msgspec.structs.replace(of_kind("L2", kind)[0], shots=12)
     worlds.make_data(one, tmp_path / "w1")
     worlds.make_more(one, [Asked(4.0, 50.0, 0.6, 3)], tmp_path / "more")
-    first, more = load_dataset(tmp_path / "w1"), load_dataset(tmp_path / "more")
+    first, more = ta.load_dataset(tmp_path / "w1"), ta.load_dataset(tmp_path / "more")
     assert len(first.shots) == 12 and first.tracks is not None and first.facts.believe.terms == ()
     assert len(more.shots) == 3 and not set(more.shots.shot_id) & set(first.shots.shot_id)
     worlds.make_data(one, tmp_path / "again")

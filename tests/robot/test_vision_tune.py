@@ -17,23 +17,14 @@ from tests.robot.good_tick import CONFIG
 from tests.waiting import serving
 from truearc.cli.vision_tuner import Live, Recorded, Tuner, TuneServer, find_pictures
 from truearc.errors import InputError
-from truearc.hw.emulated.camera import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.robot.config.schema import CameraFile, load_toml
-from truearc.sim.world.emulated_robot import make_lens, make_tape
-from truearc_proof.world.camera_damage import StagedCamera, place
 
 FILE = CameraFile(CONFIG.camera, CONFIG.tape, CONFIG.vision)
 SETTINGS = msgspec.to_builtins(CONFIG.vision)
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 BLIND = {**SETTINGS, "hue_low": 0, "hue_high": 5}
-
-
-@pytest.fixture(scope="module")
-def image():
-    view = place(4.0, CONFIG.tape.centre_height_m - CONFIG.camera.height_m, CONFIG.camera.pitch_deg)
-    return StagedCamera(Stage(view), make_lens(CONFIG.camera), make_tape(CONFIG.tape), 1).expose(0).image
 
 
 @pytest.fixture

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 import truearc as ta
 import truearc.cli.main as truearc
 from tests.sim.same_dataset import assert_same
-from truearc.errors import InputError
 from truearc.sim.physics.catalogue import BUILT_IN, terms_of_file
 from truearc_proof.importers.ball_drops import import_ball_drops, import_sepia_drops
 
@@ -89,7 +88,7 @@ def test_a_ball_that_nobody_weighed_is_kept_with_empty_cells(tmp_path: Path) -> 
     shots = import_ball_drops(write(tmp_path, rows)).shots
     assert shots.shot_id == ("volleyball-1", "tennisball-1")
     assert np.isnan(shots.number("mass_kg")).tolist() == [True, False]
-    with pytest.raises(InputError, match=r"drops\.csv: no drop of 8 samples has a ball of known mass_kg and "
+    with pytest.raises(ta.InputError, match=r"drops\.csv: no drop of 8 samples has a ball of known mass_kg and "
                                          r"diameter_m"):
         import_ball_drops(write(tmp_path, unknown))
 
@@ -105,7 +104,7 @@ def test_a_ball_that_nobody_weighed_is_kept_with_empty_cells(tmp_path: Path) -> 
 def test_a_bad_cell_is_named(tmp_path: Path, line: int, column: str, cell: str, says: str) -> None:
     rows = good()
     rows[line - 2][HEADER.index(column)] = cell
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ta.InputError) as caught:
         import_ball_drops(write(tmp_path, rows))
     assert says in str(caught.value)
 
@@ -185,7 +184,7 @@ def test_empty_rows_are_passed_over_and_rows_keep_their_numbers(tmp_path, column
     content["Golf Ball"].insert(3, [None] * 4)
     assert len(import_ball_drops(*files(tmp_path, content)).shots) == 4
     content["Golf Ball"][5][column] = cell
-    with pytest.raises(InputError, match=f"xls, sheet Golf Ball:7: {says}"):
+    with pytest.raises(ta.InputError, match=f"xls, sheet Golf Ball:7: {says}"):
         import_ball_drops(*files(tmp_path, content))
 
 
@@ -196,7 +195,7 @@ def test_empty_rows_are_passed_over_and_rows_keep_their_numbers(tmp_path, column
     (LIST.replace("golfball", "golf"), "xls, sheet Golf Ball: its ball, golfball, is not in "),
     (LIST.replace("1.62", "-1"), "xls, sheet Golf Ball:2: mass_kg: -0.0283495 is out of range")])
 def test_a_ball_without_weight_and_size_is_named(tmp_path: Path, balls: str, says: str) -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ta.InputError) as caught:
         import_ball_drops(*files(tmp_path, sheets(), balls))
     assert says in str(caught.value)
 
@@ -205,9 +204,9 @@ def test_a_sheet_without_its_columns_is_named(tmp_path: Path, capsys: pytest.Cap
     paths = [str(path) for path in files(tmp_path, sheets(), header=("Drop #", "Time (s)", "Height (ft)", "v"))]
     assert truearc.main(["import", "ball-drops", *paths, "-o", str(tmp_path / "out")]) == 2
     assert "xls, sheet Golf Ball:1: column 'Height (m)' is missing" in capsys.readouterr().err
-    with pytest.raises(InputError, match=r"xls, sheet Golf Ball:1: column 'Time \(s\)' stands twice"):
+    with pytest.raises(ta.InputError, match=r"xls, sheet Golf Ball:1: column 'Time \(s\)' stands twice"):
         import_ball_drops(*files(tmp_path, sheets(), header=("Drop #", "Time (s)", "Height (m)", "Time (s)")))
-    with pytest.raises(InputError, match=r"xls, sheet Notes: its ball, notes, is not in"):
+    with pytest.raises(ta.InputError, match=r"xls, sheet Notes: its ball, notes, is not in"):
         import_ball_drops(*files(tmp_path, sheets() | {"Notes": []}))
 
 
@@ -221,7 +220,7 @@ def test_a_workbook_that_is_none_or_cut_short_is_refused(tmp_path: Path, capsys:
         said = capsys.readouterr()
         assert "Ball_drops_data.xls: not a readable Excel workbook" in said.err and not said.out
     book.unlink()
-    with pytest.raises(InputError, match=r"xls: No such file"):
+    with pytest.raises(ta.InputError, match=r"xls: No such file"):
         import_ball_drops(book, balls)
 
 

@@ -383,8 +383,7 @@ def test_two_unique_ids_and_a_controller_with_the_say_are_told():
         finding = check_firmware("hood motor", SPARK_HOOD.axes.hood, Heard((*answer, *frames), 2.0))
         assert finding.level == level and ("2 devices" in finding.says) == (level == FAILURE)
     lock = Frame(
-        0, spark.frame_id(spark.SparkAxis(3, 1, False), "STATUS_0"), bytes([0] * 6 + [0x20, 0]), is_extended=True
-    )
+        0, spark.frame_id(spark.SparkAxis(3, 1, False), "STATUS_0"), bytes([0] * 6 + [0x20, 0]), is_extended=True)
     alive = Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)
     for frame in (lock, alive):
         heard = Heard((frame,), 1.0)

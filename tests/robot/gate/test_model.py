@@ -31,15 +31,13 @@ METADATA = {gate_model.KEY_CONTRACT: gate_model.contract_json().decode(),
 # novelty is |hood| / 50: over 1 from 50 degrees on
 def build(weights: dict[str, Any] = WEIGHTS, metadata: dict[str, str] = METADATA, name: str = "features",
           shape: tuple[Any, ...] = ("n", 3), out: str = "p", out_shape: tuple[Any, ...] = ("n", 2),
-          kind: int = TensorProto.FLOAT, last: str = "Sigmoid", far: str = "Abs",
-          two_outputs: bool = True) -> bytes:
+          kind: int = TensorProto.FLOAT, last: str = "Sigmoid", far: str = "Abs", two_outputs: bool = True) -> bytes:
     dtype = helper.tensor_dtype_to_np_dtype(kind)
     graph = helper.make_graph(
         [helper.make_node("Gemm", [name, "w1", "b1"], ["z1"]), helper.make_node("Sigmoid", ["z1"], ["h"]),
          helper.make_node("Gemm", ["h", "w2", "b2"], ["z2"]), helper.make_node(last, ["z2"], [out]),
          helper.make_node("Gemm", [name, "wn", "bn"], ["far"]), helper.make_node(far, ["far"], ["novelty"])],
-        "g", [helper.make_tensor_value_info(name, kind, shape)],
-        [helper.make_tensor_value_info(out, kind, out_shape),
+        "g", [helper.make_tensor_value_info(name, kind, shape)], [helper.make_tensor_value_info(out, kind, out_shape),
          helper.make_tensor_value_info("novelty", kind, (out_shape[0], 1))][:1 + two_outputs],
         [numpy_helper.from_array(np.asarray(array, dtype), key) for key, array in weights.items()])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)

@@ -282,8 +282,7 @@ def _memory(facts: Facts) -> Memory:
                         facts["target: distance"] + CONFIG.camera.behind_exit_m, facts["target: sigma"], 0.0)
     return Memory(
         armed=facts["armed"], homed=facts["homed"], trial=3, request_t_ns=NOW_NS - 500 * MS if facts["asked"] else 0,
-        aim=_aim(facts), aim_place_m=facts["aim: place"],
-        steady_t_ns=_stamp(facts["steady"]),
+        aim=_aim(facts), aim_place_m=facts["aim: place"], steady_t_ns=_stamp(facts["steady"]),
         feed_t_ns=_stamp(facts["ball on its way"]), awaiting=facts["unmarked shot"],
         last_sighting=sighting if facts["target: seen"] else None)
 

@@ -18,7 +18,7 @@ import truearc.robot.operator_ui.server
 import truearc.robot.operator_ui.what_if
 from tests import waiting
 from tests.robot.good_tick import CONFIG
-from tests.waiting import serving
+from tests.waiting import SetClock, serving
 from truearc.cli.gate import NICE, make_command
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.gate import FEATURES, NO_RATING, load_gate
@@ -37,20 +37,8 @@ not_numbers = st.one_of(st.none(), st.booleans(), st.text(), st.dictionaries(st.
                         st.just([0.5, "0.5"]))
 
 
-class Stopped:
-    """A clock that stands still until it is moved."""
-
-    t_ns = 0
-
-    def now_ns(self):
-        return self.t_ns
-
-    def sleep_until_ns(self, t_ns):
-        raise AssertionError
-
-
 def what_if(threshold=0.3, gate=GATE):
-    return asking.WhatIf(gate, threshold, 594.0, Stopped())
+    return asking.WhatIf(gate, threshold, 594.0, SetClock())
 
 
 def answered(asked, body):

@@ -21,8 +21,7 @@ WORDS = st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\x00")
 
 
 def test_reads_what_formats_md_shows(tmp_path):
-    data = load_dataset(write(
-        tmp_path, f"{HEADER},grip\n{GOOD},new\nb,4,45,,miss,low,,,\n",
+    data = load_dataset(write(tmp_path, f"{HEADER},grip\n{GOOD},new\nb,4,45,,miss,low,,,\n",
         tracks="shot_id,t_s,x_m,y_m,z_m\na,0,0.1,0,0.8\na,0.01,0.2,0,0.9\nb,0,0,0,1\n",
         traces="shot_id,t_s,signal,value\nb,0.5,battery_v,12.1\n"))
     assert data.shots.shot_id == ("a", "b")

@@ -17,11 +17,9 @@ from tests.sim.data import stranger_log
 from tests.sim.data.stranger_log import write_stranger_log
 from truearc import robot
 from truearc.cli.main import main
-from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
 from truearc.robot.config.shot_map import load_map
 from truearc.robot.recording.session import TRIALS, load_trials
-from truearc.sim.data.files import load_dataset, save_dataset
 from truearc.sim.data.log import Series, state_or_pulse
 from truearc.sim.data.recordings import label_by_repeatability, rule, shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate
@@ -82,15 +80,15 @@ def test_labelling_groups_by_configuration(practice, tmp_path):
     expected = [rule(1.0 - said.count("miss") / len(said), said.count("three") / len(said)) for said in groups.values()]
     assert list(labelled.shots.text("outcome")) == [label for label in expected if label is not None]
     assert len(labelled.shots) + sum("not repeatable" in line for line in labelled.left_out) == len(groups)
-    save_dataset(tmp_path / "labelled", labelled)
-    assert len(load_dataset(tmp_path / "labelled").shots) == len(labelled.shots)
+    ta.save_dataset(tmp_path / "labelled", labelled)
+    assert len(ta.load_dataset(tmp_path / "labelled").shots) == len(labelled.shots)
 
 
 def test_session_without_a_marked_shot_is_refused(practice, tmp_path):
     held = shutil.copytree(practice[0], tmp_path / "held")
     rows = [replace(trial, outcome=replace(trial.outcome, outcome="rejected")) for trial in load_trials(held)]
     (held / TRIALS).write_bytes(b"".join(msgspec.json.encode(row) + b"\n" for row in rows))
-    with pytest.raises(InputError, match="no marked shots"):
+    with pytest.raises(ta.InputError, match="no marked shots"):
         shots_from_sessions([held], "d")
 
 
@@ -100,7 +98,7 @@ def test_what_is_no_session_is_named(tmp_path, capsys):
 
 
 def test_two_sessions_of_one_name_are_refused(practice, tmp_path):
-    with pytest.raises(InputError, match="unique"):
+    with pytest.raises(ta.InputError, match="unique"):
         shots_from_sessions([practice[0], practice[0]], "d")
 
 
@@ -117,7 +115,7 @@ def test_trials_that_are_cut_short_are_said_to_be_missing(practice, tmp_path, ca
     (cut / TRIALS).write_bytes(rows[:len(rows) * 2 // 3])
     assert main(["shots", str(cut), "-o", str(tmp_path / "d")]) == 0
     assert "trials.jsonl: cut short: trials after that are missing; truearc session recover" in capsys.readouterr().err
-    assert "cut short" in load_dataset(tmp_path / "d").left_out[0]
+    assert "cut short" in ta.load_dataset(tmp_path / "d").left_out[0]
 
 
 COMPARED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s", "since_last_shot_s")

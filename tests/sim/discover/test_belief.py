@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import truearc as ta
-from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, circumstances_of
 from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.investigate import (
@@ -174,5 +173,5 @@ def test_a_tape_parts_what_shots_cannot(raised: tuple[Dataset, Investigation]) -
 
 @pytest.mark.slow
 def test_what_is_believed_already_cannot_be_measured_beside(raised: tuple[Dataset, Investigation]) -> None:
-    with pytest.raises(InputError, match="exit_efficiency is believed already"):
+    with pytest.raises(ta.InputError, match="exit_efficiency is believed already"):
         discover(raised[0], measured={"exit_efficiency.loss": Measurement(0.1, 0.01)})
