@@ -133,8 +133,7 @@ def best_points(case: Case, distance_m: float) -> float:
 
 def judge(case: Case) -> list[tuple[float, float | None]]:
     """(points by exhaustive search, those of aim's set point: None where it refuses) of every distance that scores."""
-    belief = point_belief({"drag": {"cd": case.cd}},
-                          dict(zip(("speed", "elevation_deg"), case.scatter, strict=True)))
+    belief = point_belief({"drag": {"cd": case.cd}}, dict(zip(("speed", "elevation_deg"), case.scatter, strict=True)))
     try:
         rows = {row.distance_m: row for row in ta.aim(belief, case.rig, distances_m=case.distances_m,
                                                       hood_deg=HOOD_DEG).rows}

@@ -8,7 +8,6 @@ forecast by the other drops, by Kennedy and O'Hagan's calibration of its authors
 v, whichever fits these better. On concealed worlds other methods answer in `truearc prove --rivals`.
 """
 
-import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -19,7 +18,7 @@ import msgspec
 import numpy as np
 
 import truearc as ta
-from benchmarks.options import add_options
+from benchmarks.options import read_options
 from truearc.robot.config.rig_spec import Ball
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
@@ -42,8 +41,6 @@ LAWS = ("drag", "linear_drag")        # too few drops are kept for `discover`, w
 STEP_S, LONGEST_S = 0.005, 8.0
 LINEAR_DRAG = Path(__file__).parents[1] / "examples" / "linear_drag.py"
 Array = np.ndarray
-
-
 Left = tuple[str, Array]              # what drops that are left out have in common, and which ones they are [n]
 Row = tuple[str, str, str, str, str]  # one method on the falls: all cells but the data's
 
@@ -137,10 +134,8 @@ def _error_of(dataset: Dataset, lefts: Sequence[Left], forecasts: Sequence[Forec
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("dir", type=Path, help="folder of the recordings")
-    args = add_options(parser, steps=(STEPS, f"of the calibration's chains ({STEPS})"),
-                       left=(int, "leave out the first N radii and the first N heights only")).parse_args()
+    args = read_options(__doc__, dir=(..., "folder of the recordings"), steps=(STEPS, "of the calibration's chains"),
+                        left=(int, "leave out the first N radii and the first N heights only"))
     keep_compiled()
     rows = falls(args.dir / "sepia_ball_drop", args.steps, args.left)
     print(make_markdown(HEAD, [(DATA, *row) for row in rows]))

@@ -6,9 +6,7 @@ Each figure is the second run of its size, when all code is compiled. Detection:
 data in memory to the HTML page, of a world with an effect that is found and named (wheel droop).
 """
 
-import time
-from collections.abc import Callable
-
+from benchmarks.grid_fit import fastest
 from benchmarks.options import read_options
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
@@ -30,14 +28,6 @@ def detection(dataset: Dataset, catalogue: Catalogue = BUILT_IN) -> None:
     detect(fitted, make_search(dataset), lambda done, note: None)
 
 
-def second(run: Callable[[], None]) -> tuple[float, float]:
-    """(wall, processor) seconds of the second of two runs."""
-    run()
-    wall, cpu = time.perf_counter(), time.process_time()
-    run()
-    return time.perf_counter() - wall, time.process_time() - cpu
-
-
 def smaller(believed: tuple[str, ...], count: int) -> Catalogue:
     """Return the baseline's terms, those of the tracker, and the first `count` others."""
     fixed = {*believed, "track_scale", "track_tilt", "track_clock"}
@@ -53,9 +43,9 @@ def main() -> None:
         dataset = shoot(make_world(EFFECT, args.level, shots, args.seed))
         for count in SIZES if shots == 300 else SIZES[-1:]:
             catalogue = smaller(dataset.facts.believe.terms, count)
-            found = second(lambda dataset=dataset, catalogue=catalogue: detection(dataset, catalogue))
+            found = fastest(lambda dataset=dataset, catalogue=catalogue: detection(dataset, catalogue), 1)
             whole = "" if len(catalogue.terms) < len(TERMS) else "{:.1f} ({:.1f})".format(
-                *second(lambda dataset=dataset: make_report(dataset.name, discover(dataset))))
+                *fastest(lambda dataset=dataset: make_report(dataset.name, discover(dataset)), 1))
             print(f"| {shots} | {len(catalogue.terms)} | {found[0]:.2f} ({found[1]:.2f}) | {whole} |", flush=True)
 
 

@@ -50,8 +50,7 @@ def run_row(row: Row, bus: str, folder: Path) -> Result:
 
 
 def main() -> int:
-    args = read_options(
-        __doc__, bus=(",".join(BUSES), "comma-separated (default: all that there are)"),
+    args = read_options(__doc__, bus=(",".join(BUSES), "comma-separated (default: all that there are)"),
         only=("", "a pattern: faults whose names match"), out=(Path, "a line a cell; goes on where it ended"),
         folder=(Path, "keep what went wrong here"), table=(Path, "print what is there, play nothing"))
     if args.table:

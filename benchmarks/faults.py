@@ -7,7 +7,6 @@ The tracks of worlds in which nothing is hidden (truearc_proof.truth, L2) are co
 nothing of truearc.sim.physics. Discovery runs on each, and on the original tracks.
 """
 
-import math
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -27,7 +26,6 @@ from truearc_proof.truth.generate import shoot
 
 NONE, SHOTS = "none", 300
 LONG = 1.05                           # too long a metre, too slow a clock
-TILT_DEG, TURN_DEG = 4.0, 5.0
 SHRINKING = -0.02                     # of the scale, per m of height
 LOST_FRAMES = 2                       # in the middle of a flight, without saying so
 
@@ -48,22 +46,18 @@ def lost_frames(tracks: Tracks) -> Tracks:
     return Tracks(tracks.shot[kept], t_s[kept], tracks.x_m[kept], tracks.y_m[kept], tracks.z_m[kept])
 
 
-def tilted(tracks: Tracks) -> Tracks:
-    """The camera's horizon is not level: what lies ahead seems higher."""
-    cosine, sine = math.cos(math.radians(TILT_DEG)), math.sin(math.radians(TILT_DEG))
-    return replace(tracks, x_m=cosine * tracks.x_m - sine * tracks.z_m, z_m=cosine * tracks.z_m + sine * tracks.x_m)
-
-
-def turned(tracks: Tracks) -> Tracks:
-    """The tracker's frame is not the launcher's: its x axis points beside the target."""
-    cosine, sine = math.cos(math.radians(TURN_DEG)), math.sin(math.radians(TURN_DEG))
-    return replace(tracks, x_m=cosine * tracks.x_m - sine * tracks.y_m, y_m=cosine * tracks.y_m + sine * tracks.x_m)
+def turned(tracks: Tracks, toward: str, deg: float) -> Tracks:
+    """The tracker's x axis is not the launcher's. Towards z the horizon is not level, and what lies ahead seems higher;
+    towards y it points beside the target."""
+    cosine, sine, other = np.cos(np.radians(deg)), np.sin(np.radians(deg)), getattr(tracks, toward)
+    return replace(tracks, x_m=cosine * tracks.x_m - sine * other, **{toward: cosine * other + sine * tracks.x_m})
 
 
 FAULTS: dict[str, Callable[[Tracks], Tracks]] = {
     "scale 5 % too long": lambda tracks: scaled(tracks, LONG),     # a metre measured in the wrong plane
     "clock 5 % slow": lambda tracks: replace(tracks, t_s=LONG * tracks.t_s),
-    "2 frames lost": lost_frames, "tilted 4 deg": tilted, "turned 5 deg": turned,
+    "2 frames lost": lost_frames, "tilted 4 deg": lambda tracks: turned(tracks, "z_m", 4.0),
+    "turned 5 deg": lambda tracks: turned(tracks, "y_m", 5.0),
     "2 % smaller per m": lambda tracks: scaled(tracks, 1.0 + SHRINKING * tracks.z_m)}     # it looks up
 
 

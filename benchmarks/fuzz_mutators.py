@@ -138,12 +138,12 @@ def wpilog_field(data: bytes, random: Random) -> bytes:
 # --- MCAP: magic, then records of an opcode (1 byte), a length (8) and that many bytes
 
 
-MAGIC, CHUNK, MESSAGE = 8, 0x06, 0x05
+MAGIC, CHUNK = 8, 0x06
 
 
-def _mcap_parts(data: bytes) -> list[bytes]:
-    place, records = MAGIC, []
-    while place + 9 <= len(data) - MAGIC:
+def _mcap_parts(data: bytes, around: int = MAGIC) -> list[bytes]:
+    place, records = around, []
+    while place + 9 <= len(data) - around:
         long = 9 + struct.unpack_from("<Q", data, place + 1)[0]
         records.append(data[place:place + long])
         place += long
@@ -173,16 +173,12 @@ def _chunk(content: bytes, packed: bytes, name: bytes, said: int, start: bytes) 
     return bytes([CHUNK]) + struct.pack("<Q", len(body)) + body
 
 
-def _unpacked(record: bytes) -> bytes:
-    named = struct.unpack_from("<I", record, 9 + 28)[0]
-    return zstandard.decompress(record[9 + 32 + named + 8:], struct.unpack_from("<Q", record, 9 + 16)[0])
-
-
 def mcap_chunk(data: bytes, random: Random) -> bytes:
     """A chunk that is whole by its checksum: its content damaged, packed otherwise, or far larger than it says."""
     records = _mcap_parts(data)
     at = random.choice([k for k, record in enumerate(records) if record[0] == CHUNK])
-    start, content = records[at][9:25], _unpacked(records[at])
+    start, (size, named) = records[at][9:25], struct.unpack_from("<Q4xI", records[at], 9 + 16)
+    content = zstandard.decompress(records[at][9 + 32 + named + 8:], size)
     what = random.randrange(8)
     if what == 0:
         bomb = bytes(BOMB)
@@ -194,15 +190,10 @@ def mcap_chunk(data: bytes, random: Random) -> bytes:
         name, pack = random.choice(((b"", bytes), (b"lz4", lz4.frame.compress), (b"none", bytes)))
         records[at] = _chunk(content, pack(content), name, len(content), start)
     elif what == 2:
-        parts, place = [], 0
-        while place < len(content):
-            long = 9 + struct.unpack_from("<Q", content, place + 1)[0]
-            parts.append(content[place:place + long])
-            place += long
-        content = b"".join(_shuffled(parts, random))
-        records[at] = _chunk(content, zstandard.compress(content), b"zstd", len(content), start)
+        content = b"".join(_shuffled(_mcap_parts(content, 0), random))
     else:
         content = random.choice((*BYTES, *LINES))(content, random)
+    if what > 1:
         records[at] = _chunk(content, zstandard.compress(content), b"zstd", len(content), start)
     return _joined(data, records)
 

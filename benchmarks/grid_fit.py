@@ -50,7 +50,7 @@ def main() -> None:
     print(f"\nthe same by a plain loop, scaled to all {axis.size**2 * count} flights of `random`: wall s, CPU s, and "
           "times ours\n(on a busy machine the ratio of CPU is the fair one)")
     some = axis[::40]
-    run = partial(make_plain_loop(), make_scoring(FACTS, sets["random"]).flyer.launch, some, facts_of(FACTS), 0.75)
+    run = partial(fly_plainly, make_scoring(FACTS, sets["random"]).flyer.launch, some, facts_of(FACTS), 0.75)
     wall_s, cpu_s = (spent_s * axis.size**2 / some.size**2 for spent_s in fastest(run, min(3, args.runs)))
     print(f"  plain numba loop, up to 3 s whatever happens; RK4 5 ms, parallel; every 40th row and column "
           f"{wall_s:7.1f} s {wall_s / ours_s['random'][0]:6.0f} x {cpu_s:9.1f} s CPU "
@@ -104,25 +104,21 @@ def count_flights(shots: Shots) -> int:
     return sum(flown)
 
 
-def make_plain_loop() -> Callable[..., np.ndarray]:
+@numba.njit(parallel=True, fastmath={"nsz", "arcp", "contract", "afn", "reassoc"}, error_model="numpy")
+def fly_plainly(launch, axis, facts, release_m):
     """One flight after the other, as one would write it; the step is the kernel's."""
-
-    @numba.njit(parallel=True, fastmath={"nsz", "arcp", "contract", "afn", "reassoc"}, error_model="numpy")
-    def loop(launch, axis, facts, release_m):
-        height_m = np.full((len(launch), len(axis), len(axis)), np.nan)
-        for job in numba.prange(len(launch) * len(axis)):
-            row, at = job // len(axis), job % len(axis)
-            for column in range(len(axis)):
-                x, z, vx, vz = 0.0, release_m, launch[row, 0], launch[row, 1]
-                for _ in range(round(LIMIT_S / STEP_S)):
-                    nx, nz, nvx, nvz = advance(x, z, vx, vz, launch[row, 2], (axis[column], axis[at]), facts, STEP_S)
-                    if x < launch[row, 3] <= nx:
-                        height_m[row, at, column] = z + (nz - z) * (launch[row, 3] - x) / (nx - x)
-                        break
-                    x, z, vx, vz = nx, nz, nvx, nvz
-        return height_m
-
-    return loop
+    height_m = np.full((len(launch), len(axis), len(axis)), np.nan)
+    for job in numba.prange(len(launch) * len(axis)):
+        row, at = job // len(axis), job % len(axis)
+        for column in range(len(axis)):
+            x, z, vx, vz = 0.0, release_m, launch[row, 0], launch[row, 1]
+            for _ in range(round(LIMIT_S / STEP_S)):
+                nx, nz, nvx, nvz = advance(x, z, vx, vz, launch[row, 2], (axis[column], axis[at]), facts, STEP_S)
+                if x < launch[row, 3] <= nx:
+                    height_m[row, at, column] = z + (nz - z) * (launch[row, 3] - x) / (nx - x)
+                    break
+                x, z, vx, vz = nx, nz, nvx, nvz
+    return height_m
 
 
 def check_labels(name: str, shots: Shots, coarse: int) -> None:

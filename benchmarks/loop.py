@@ -9,7 +9,6 @@ real-time priority that only sleeps, until SIGTERM: when that is late, no progra
 pairs of 64-bit integers: when it should have woken, and when it did, in monotonic nanoseconds.
 """
 
-import argparse
 import gc
 import os
 import signal
@@ -26,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.options import add_options
+from benchmarks.options import read_options
 from benchmarks.real_robot import PATIENT, ROOT, RealRobot, save_config
 from truearc.cli.common import SHIPPED
 from truearc.robot.config.schema import Config, load_config
@@ -41,15 +40,12 @@ WARM_S = 2.0                          # at the start: first images, first rows, 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--bare", nargs=2, help=argparse.SUPPRESS)
-    args = add_options(parser, trials=50, lateness=False, seconds=(20.0, "of each measurement"),
-                       rates=("100,200,500", "ticks a second"), loads="idle,busy", layouts="one,three").parse_args()
-    if args.bare:
-        sleep_only(Path(args.bare[0]), int(args.bare[1]))
-    elif args.lateness:
-        report([*map(int, args.rates.split(","))], args.seconds, args.loads.split(","),
-               args.layouts.split(","))
+    if sys.argv[1:2] == ["--bare"]:
+        return sleep_only(Path(sys.argv[2]), int(sys.argv[3]))
+    args = read_options(__doc__, trials=50, lateness=False, seconds=(20.0, "of each measurement"),
+                        rates=("100,200,500", "ticks a second"), loads="idle,busy", layouts="one,three")
+    if args.lateness:
+        report([*map(int, args.rates.split(","))], args.seconds, args.loads.split(","), args.layouts.split(","))
     else:
         time_stepped(args.trials)
 

@@ -1,29 +1,27 @@
 """Of sound tables and tracks, how many does the plausibility check refuse, and which slips does it name?
 
-    python -m benchmarks.plausibility --seed 1 --rigs 100 --lines FILE
+    python -m benchmarks.plausibility --seed 1 --rigs 100 --out FILE
     python -m benchmarks.plausibility --table FILE
 
 Each seed is a rig of its own, with a ball, wheels, air, slip and lift drawn from the priors of truearc's terms. Its
 flights are computed here, by NumPy alone. The same shots are checked as they are and with one slip. A line of the file
-is one seed; seeds that a file has already are left out.
+is one seed.
 """
 
 import re
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from msgspec.structs import replace as changed
 
-from benchmarks.options import read_options
+from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc_proof.parallel import append_line, lines_of
 
 Spoil = Callable[[Dataset, np.random.Generator], Dataset | None]
 FT, IN, CM, MM = 0.3048, 0.0254, 0.01, 0.001
@@ -314,12 +312,12 @@ def said_of(dataset: Dataset) -> tuple[str, list[str]]:
         return "refused", str(error).splitlines()
 
 
-def line_of(seed: int) -> dict[str, Any]:
+def line_of(seed: int) -> Line:
     """One seed: what is said of the sound dataset, and of the same with a slip."""
     sound = draw(seed)
     begin = time.perf_counter()
     word, said = said_of(sound)
-    line: dict[str, Any] = {"seed": seed, "sound": word, "said": said, "s": round(time.perf_counter() - begin, 3)}
+    line: Line = {"seed": seed, "sound": word, "said": said, "s": round(time.perf_counter() - begin, 3)}
     rng, names = np.random.default_rng([seed, 1]), list(KINDS)
     for at in rng.permutation(len(names)):
         if (spoiled := KINDS[names[at]][0](sound, rng)) is not None:
@@ -329,7 +327,7 @@ def line_of(seed: int) -> dict[str, Any]:
     return line
 
 
-def table(lines: list[dict[str, Any]]) -> str:
+def table(lines: Sequence[Line]) -> str:
     """Shares, by kind."""
     n = len(lines)
     sound = [line["sound"] for line in lines]
@@ -346,21 +344,11 @@ def table(lines: list[dict[str, Any]]) -> str:
     return "\n".join(rows)
 
 
-def main() -> None:
-    """Fill the file with lines, and print the table."""
-    args = read_options(__doc__, seed=(1, "the first"), rigs=1000,
-                        lines=(Path, "where lines are kept, and whose seeds are not run again"),
-                        table=(Path, "print the table of such a file"))
-    path = args.table or args.lines
-    lines = list(lines_of(path)) if path else []
-    done = {line["seed"] for line in lines}
-    for seed in range(args.seed, args.seed + args.rigs) if args.table is None else ():
-        if seed not in done:
-            lines.append(line_of(seed))
-            if args.lines:
-                append_line(args.lines, lines[-1])
-    print(table(lines))
+def main() -> int:
+    args = read_args(__doc__, seed=(1, "the first"), rigs=1000)
+    return fill_and_tell(args, lambda: {str(seed): seed for seed in range(args.seed, args.seed + args.rigs)}, line_of,
+                         table)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -7,7 +7,6 @@ Rounds of one level and as many shots, gathered over several sittings, are marke
 Nothing is checked here but the ledger's chain: `truearc prove check --packed FILE --out DIR` makes worlds again.
 """
 
-import argparse
 import tempfile
 from collections.abc import Sequence
 from itertools import groupby
@@ -16,6 +15,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from benchmarks.options import read_options
 from truearc_proof.rounds import Room, last_digest, read_ledger
 from truearc_proof.rounds.archive import unpack
 from truearc_proof.rounds.committer import load_plan
@@ -26,10 +26,8 @@ from truearc_proof.table import make_markdown
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("packed", type=Path, nargs="+")
-    parser.add_argument("--reliability", type=Path, metavar="PNG", help="picture: probabilities beside what was right")
-    args = parser.parse_args()
+    args = read_options(__doc__, packed=([...], "rounds"),
+                        reliability=(Path, "picture (PNG): probabilities beside what was right"))
     rounds = sorted(map(load, args.packed), key=lambda one: one.setting)
     if args.reliability is not None:
         drawn = reliability_png([one.first for packed in rounds for one in packed.graded])

@@ -9,7 +9,6 @@ from forecasts by the first 40 % of each, as `truearc predict --tracks` makes th
 SciPy, and by gravity: of either half of the flights by fits to the other.
 """
 
-import argparse
 import contextlib
 import io
 import re
@@ -23,6 +22,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import truearc as ta
+from benchmarks.options import read_options
 from truearc.cli.main import main as truearc
 from truearc.errors import InputError
 from truearc.sim.discover.select.simulations import FORECAST
@@ -30,8 +30,6 @@ from truearc_proof.rivals.claim import end_errors, gather_flights, rms
 from truearc_proof.table import make_markdown
 
 LINEAR_DRAG = Path(__file__).parents[1] / "examples" / "linear_drag.py"
-
-
 # name: title, and what `import` and `discover` are given
 SETS = {
     "mpi": ("table-tennis launcher", "mpi", ("mpi_launches.csv", "mpi_tracks.csv"), "--believe", "gravity,drag"),
@@ -92,16 +90,13 @@ def forecast(name: str, folder: Path) -> tuple[str, ...]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", metavar="DIR", type=Path, help="folder of the recordings")
-    parser.add_argument("--only", default=",".join(SETS), help=f"comma-separated, of {', '.join(SETS)} (default: all)")
-    args = parser.parse_args()
-    if unknown := set(args.only.split(",")) - set(SETS):
-        parser.error(f"--only: there is no {', '.join(sorted(unknown))}; there are {', '.join(SETS)}")
+    args = read_options(__doc__, dir=(..., "folder of the recordings"), only=(",".join(SETS), "comma-separated"))
+    asked = args.only.split(",")
+    if unknown := set(asked) - set(SETS):
+        raise SystemExit(f"--only: there is no {', '.join(sorted(unknown))}; there are {', '.join(SETS)}")
     with tempfile.TemporaryDirectory() as folder:
-        asked = args.only.split(",")
         print(make_markdown(("set", "shots", "answer", "forecast of shots held out"),
-                            [ask(name, args.data, Path(folder)) for name in asked]))
+                            [ask(name, args.dir, Path(folder)) for name in asked]))
         if ahead := [forecast(name, Path(folder)) for name in asked if name in LAWS]:
             print(make_markdown(("ends of tracks", "truearc", "plain fit", "gravity", "in the 90 % band"), ahead))
     return 0

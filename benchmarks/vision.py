@@ -61,18 +61,13 @@ class Shot:
     other_px: np.ndarray | None = None    # (n, 2) of a second goal
 
 
-def pitch_for(distance_m: float, rise_m: float) -> float:
-    """A mounting that has the target in view: robots look up less when they shoot from afar."""
-    return float(np.clip(math.degrees(math.atan2(rise_m, distance_m)) - 6.0, 5.0, 55.0))
-
-
 def shoot(config: Config, rng: np.random.Generator, distance_m: float, look: Look, *, kinds: tuple = (),
           absent: bool = False) -> Shot:
-    """The target up to 35 degrees off its axis, the camera up to 9 degrees off its own, mounted as well as believed and
-    turning as much, unless the look is of a camera that stands still."""
+    """The target up to 35 degrees off its axis, the camera up to 9 degrees off its own, mounted to have it in view, as
+    well as believed, and turning as much, unless the look is of a camera that stands still."""
     tape = config.tape
     rise_m = tape.centre_height_m - config.camera.height_m
-    believed = replace(config.camera, pitch_deg=pitch_for(distance_m, rise_m))
+    believed = replace(config.camera, pitch_deg=float(np.clip(math.degrees(math.atan2(rise_m, distance_m)) - 6, 5, 55)))
     pitch_deg = believed.pitch_deg + believed.pitch_sigma_deg * float(np.clip(rng.normal(), -2, 2))
     rise_m += believed.height_sigma_m * float(np.clip(rng.normal(), -2, 2))
     facing_deg = float(rng.uniform(-35, 35))

@@ -109,6 +109,13 @@ BUS_OFF_ID = 0x40                     # of linux/can/error.h
 SIOCGIFFLAGS, SIOCSIFFLAGS, IFF_UP = 0x8913, 0x8914, 1
 DEAD = ("adapter out", "bus off", "silent")
 OURS = OdriveAxis(1, 1)
+TWIN = spark.SparkAxis(11, 1)             # of flywheel motor 1
+STRAYS = {                            # what other hosts say every 20 ms; each of two SPARKs sends a STATUS_0 every 10
+    "another host commands": (odrive.make_torque(OURS, 0.0),), "another host stops": (odrive.make_estop(OURS),),
+    "two sparks with one id": tuple(Frame(0, spark.frame_id(TWIN, message), bytes(8), is_extended=True)
+                                    for message in ("STATUS_0", "STATUS_0", "STATUS_2")),
+    "another host's heartbeat": (spark.make_heartbeat(()),),
+    "competition controller": (Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True),)}
 
 
 class FarWire:
@@ -160,16 +167,9 @@ class FarWire:
         if t_ns < self._due_ns:
             return
         self._due_ns = t_ns + 20 * MS
-        for frame in stray_frames(self._what):
+        for frame in STRAYS.get(self._what, ()):
             self._say(frame)
-        self._chatter()
-
-    def _chatter(self) -> None:
         match self._what:
-            case "another host commands":
-                self._say(odrive.make_torque(OURS, 0.0))
-            case "another host stops":
-                self._say(odrive.make_estop(OURS))
             case "two with one id":
                 for command in (0x01, 0x09):
                     self._wire.write(Frame(0, OURS.node << 5 | command, bytes(8)))
@@ -232,7 +232,6 @@ def set_up(interface: str, up: bool) -> None:
 
 
 FAULTS = {"sensor": 0x04, "too hot": 0x10, "gate driver": 0x20}
-TWIN = spark.SparkAxis(11, 1)             # of flywheel motor 1
 FIRMWARE = {"old firmware": (24, 0, 1), "new firmware": (27, 0, 0)}
 
 
@@ -266,16 +265,3 @@ def end_trouble(node: Any, what: str, t_ns: int) -> None:
         node.restart(t_ns)
     elif what in ("switch closed", "switch open"):
         node.endstop = node.endstop.switch
-
-
-def stray_frames(what: str) -> list[Frame]:
-    """What others send on a bus with SPARKs every 20 ms, of which each sends a STATUS_0 every 10."""
-    match what:
-        case "two sparks with one id":
-            return [Frame(0, spark.frame_id(TWIN, message), bytes(8), is_extended=True)
-                    for message in ("STATUS_0", "STATUS_0", "STATUS_2")]
-        case "another host's heartbeat":
-            return [spark.make_heartbeat(())]
-        case "competition controller":
-            return [Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)]
-    return []

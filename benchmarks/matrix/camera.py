@@ -21,14 +21,14 @@ DRAWN = 5                             # pictures of each scene, shown in turn
 SECOND_GOAL_SEED = 33                 # of those that vision takes for another target
 SLOW_NS = 500_000_000
 NS_PER_S = 1_000_000_000
+SCENES = ("black", "saturated", "two targets", "reflections", "elsewhere")
 
 
 @functools.cache
 def draw(scene: str, camera: CameraConfig, tape: Tape) -> tuple[Image, ...]:
-    """Pictures of "target", "black", "saturated", "two targets", "reflections" or "elsewhere"."""
+    """Pictures of "target" or one of SCENES."""
     if scene == "saturated":
-        return tuple(np.full((camera.height_px, camera.width_px, 3), 255 - k, np.uint8)
-                     for k in range(DRAWN))
+        return tuple(np.full((camera.height_px, camera.width_px, 3), 255 - k, np.uint8) for k in range(DRAWN))
     lens, shape = make_lens(camera), make_tape(tape)
     rise_m = tape.centre_height_m - camera.height_m
     view = place(NEAR_M if scene == "elsewhere" else LENS_M, rise_m, camera.pitch_deg)
@@ -50,10 +50,8 @@ class Scenery:
         self._count = self._in_trouble = 0
         self._kept: Image | None = None
         draw("target", config.camera, config.tape)
-        if what == "drives off":
-            draw("elsewhere", config.camera, config.tape)
-        if what in ("black", "saturated", "two targets", "reflections", "elsewhere"):
-            draw(what, config.camera, config.tape)
+        if (scene := "elsewhere" if what == "drives off" else what) in SCENES:
+            draw(scene, config.camera, config.tape)
 
     @property
     def trouble(self) -> str:
@@ -68,8 +66,7 @@ class Scenery:
         self._in_trouble += bool(trouble)
         if trouble == "drives off":
             trouble = "elsewhere" if self._in_trouble > ASKED else ""
-        plain = trouble in ("", "frozen", "hangs", "unplugged", "slow", "old stamps", "stamps to come", "1 per second")
-        images = draw("target" if plain else trouble, self._config.camera, self._config.tape)
+        images = draw(trouble if trouble in SCENES else "target", self._config.camera, self._config.tape)
         self._kept = images[self._count % DRAWN]
         return self._kept
 

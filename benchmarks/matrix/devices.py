@@ -124,7 +124,8 @@ class FarSide(Side):
     def _press(self, t_ns: int) -> None:
         """Arm; then ask and mark, ask and mark. Where a machine stalled at the start, watchdogs bit: arm again."""
         self._due_ns = t_ns + PRESS_NS
-        if self._wants_arming(t_ns):
+        if (self._armed_ns < 0 if self._is_first else
+                not self._span.begin_ns and t_ns - self._armed_ns > AGAIN_NS):
             self._armed_ns, self._to_arm = t_ns, 1 if self._armed_ns < 0 else 2
         if self._to_arm:
             self._to_arm -= 1
@@ -133,11 +134,6 @@ class FarSide(Side):
             return
         self._turn = not self._turn
         self._box.press(("two", "fire")[self._turn])
-
-    def _wants_arming(self, t_ns: int) -> bool:
-        if self._is_first:
-            return self._armed_ns < 0
-        return not self._span.begin_ns and t_ns - self._armed_ns > AGAIN_NS
 
     def _direct(self, t_ns: int) -> None:
         """Begin the fault when the robot is seen to fire, end it, and wait until it fires again."""

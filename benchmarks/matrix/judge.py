@@ -11,15 +11,15 @@ import msgspec
 from msgspec import Struct
 
 from benchmarks.matrix.devices import Seen
-from benchmarks.matrix.fault import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Key, Motion, Row, find
-from benchmarks.matrix.keys import judge_keys, replays
+from benchmarks.matrix.fault import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Key, Motion, Row
+from benchmarks.matrix.keys import first_hold, judge_keys, replays
 from benchmarks.matrix.motion import judge_motion
 from benchmarks.matrix.play import AIM, ends_robot, make_config
 from benchmarks.matrix.robot_side import AnswersAgain, RobotSide
 from benchmarks.matrix.run import Span, needed_frames, with_launcher
 from truearc.errors import InputError
 from truearc.robot.config.schema import Config, read_axis
-from truearc.robot.reasons import text, texts
+from truearc.robot.reasons import texts
 from truearc.robot.recording.files import parse_candump
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import CAN, load_trials
@@ -95,7 +95,7 @@ def _judge_fault(row: Row, result: Result, ticks: list[Tick], span: Span, seen: 
         result.outcome = "motors idle"
         result.hold_s = (seen.idle_ns - begin_ns) * NS if seen.idle_ns else None
     else:
-        _find_reason(row, result, ticks, begin_ns)
+        result.hold_s, result.reason = first_hold(row, ticks, begin_ns) or (None, "")
     within_ns = begin_ns + round(result.bound_s * 1e9)
     during = [t_ns for t_ns in fires_ns if begin_ns < t_ns < end_ns]
     if row.after in (ITSELF, REARM, DISARMS):
@@ -112,15 +112,6 @@ def _judge_fault(row: Row, result: Result, ticks: list[Tick], span: Span, seen: 
             result.wrong.append("no message about it")
 
 
-def _find_reason(row: Row, result: Result, ticks: list[Tick], begin_ns: int) -> None:
-    for tick in ticks:
-        if row.reason and tick.inputs.t_ns >= begin_ns and not tick.verdict.fire:
-            reason = find(row.reason, tick.verdict.reasons)
-            if reason is not None:
-                result.hold_s, result.reason = (tick.inputs.t_ns - begin_ns) * NS, text(reason)
-                return
-
-
 def _judge_recovery(result: Result, ticks: list[Tick], span: Span) -> None:
     since_ns = span.rearm_ns or span.end_ns
     fires_ns = [tick.inputs.t_ns for tick in ticks if tick.verdict.fire]
@@ -135,8 +126,7 @@ def _judge_recovery(result: Result, ticks: list[Tick], span: Span) -> None:
     again = next((t_ns for t_ns in fires_ns if t_ns > since_ns), None)
     result.recovery_s = None if again is None else (again - since_ns) * NS
     if again is None:
-        last = texts(ticks[-1].verdict.reasons)
-        result.wrong.append(f"never fired again: {', '.join(last)}")
+        result.wrong.append(f"never fired again: {', '.join(texts(ticks[-1].verdict.reasons))}")
 
 
 def _judge_freshness(result: Result, session: Path, ticks: list[Tick], config: Config) -> None:

@@ -5,7 +5,7 @@ ended, none before or afterwards, a HOLD without the row's reason, and a replay 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -28,6 +28,7 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import run
+from truearc.robot.types import Tick
 from truearc_frc.advice import AdviceIo
 from truearc_frc.inputs import NtCamera, NtVelocity
 from truearc_frc.keys import Reading
@@ -142,17 +143,23 @@ def judge_keys(row: Row, trouble: Key, folder: Path, result: Any) -> None:
     result.stale = sum(begin_ns + round(row.within_s * NS) < t_ns < end_ns for t_ns in fires)
     if result.stale:
         result.wrong.append(f"fired {result.stale} times while it stood")
-    held = next(((tick, reason) for tick in ticks if tick.inputs.t_ns >= begin_ns
-                 and (reason := find(row.reason, tick.verdict.reasons)) is not None), None)
-    if held is None or (hold_s := (held[0].inputs.t_ns - begin_ns) / NS) > row.within_s:
+    held = first_hold(row, ticks, begin_ns)
+    if held is None or held[0] > row.within_s:
         result.wrong.append(f"no HOLD with its reason within {row.within_s:.2f} s")
     else:
-        result.hold_s, result.reason = hold_s, text(held[1])
+        result.hold_s, result.reason = held
     again = next((t_ns for t_ns in fires if t_ns > end_ns), None)
     result.recovery_s = None if again is None else (again - end_ns) / NS
     if again is None:
         result.wrong.append("never fired again")
     result.wrong += replays(folder / "session", make_config(trouble), AGREES, partial(advise_step, aims={}))
+
+
+def first_hold(row: Row, ticks: Sequence[Tick], begin_ns: int) -> tuple[float, str] | None:
+    """How soon a verdict held with the row's reason, and its text."""
+    return next((((tick.inputs.t_ns - begin_ns) / NS, text(reason)) for tick in ticks
+                 if tick.inputs.t_ns >= begin_ns and not tick.verdict.fire
+                 and (reason := find(row.reason, tick.verdict.reasons)) is not None), None)
 
 
 def replays(session: Path, config: Config, gate: Any, *step: Any) -> list[str]:

@@ -25,7 +25,7 @@ from truearc.hw.devices.canandmag import frame_id as encoder_id
 from truearc.hw.devices.registry import NoEncoder
 from truearc.hw.emulated.nodes import MotorTruth, Node, Twin
 from truearc.hw.protocols import CameraFrame, Clock, Frame
-from truearc.hw.reason import FAULT, Reason
+from truearc.hw.reason import FAULT
 from truearc.robot.config.schema import Config, Prescribed, load_config
 from truearc.robot.operator_ui.view import find_message, tell
 from truearc.robot.recording.files import TappedBus
@@ -110,8 +110,7 @@ class MotionSide(Side):
         self._config, self._row, self._motion = config, row, row.breaking
         self._box, self._span, self._now_ns = box, span, now_ns
         is_low = self._motion.what == "encoder 0.8 degrees low"
-        self._world = MovingWorld(1, Options(hood_offset_deg=-0.8 if is_low else 0.0),
-                                  self._motion.start_deg)
+        self._world = MovingWorld(1, Options(hood_offset_deg=-0.8 if is_low else 0.0), self._motion.start_deg)
         self._nodes = make_sick_nodes(config, self._world)
         self._endstop = self._nodes["hood"].node._endstop if self._motion.what == NO_ANSWER else None
         self._twin = Twin(self._world, TappedBus(wire, self._listen), tuple(self._nodes.values()),
@@ -138,18 +137,15 @@ class MotionSide(Side):
                 self._armed_s = t_s
                 self._box.press("arm")
         elif not moved.begin_s:
-            self._wait(t_ns)
+            if self._is_time(t_s):
+                self._begin(t_ns)
+            elif t_s - self._armed_s > READY_S:
+                self._span.finish(self._now_ns())
         elif not moved.end_s:
             if t_s - max(moved.begin_s, self._armed_s) >= self._row.lasts_s:
                 self._end(t_ns)
         else:
             self._recover(t_s)
-
-    def _wait(self, t_ns: int) -> None:
-        if self._is_time(t_ns * NS):
-            self._begin(t_ns)
-        elif t_ns * NS - self._armed_s > READY_S:
-            self._span.finish(self._now_ns())
 
     def _recover(self, t_s: float) -> None:
         """Arm again, where that is needed, by two presses; and see what comes of it."""
@@ -182,7 +178,9 @@ class MotionSide(Side):
         self._span.begin(self._now_ns())
         for name in self._motion.names:
             if self._motion.what == "keeps its torque":
-                self._nodes[name].deaf_to = torque_frame_id(self._config, name)
+                axis = (*self._config.axes.flywheels, self._config.axes.hood)[NAMES.index(name)]
+                message = "Set_Input_Torque" if is_odrive(axis) else "DUTY_CYCLE_SETPOINT"
+                self._nodes[name].deaf_to = frame_id(axis, message)
             elif self._motion.what == "magnet lost":
                 self._nodes[name].node.magnet_ok = False
             elif self._motion.what == NO_ANSWER:
@@ -310,15 +308,11 @@ def _judge_words(codes: tuple[str, ...], ticks: list[Tick], moved: Moved, since_
         t_s = tick.inputs.t_ns * NS - moved.run_s
         if since_s <= t_s <= until_s:
             for reason in tick.verdict.reasons:
-                if (not codes or reason.code in codes) and _is_fault(reason):
+                message = find_message(reason)
+                if (not codes or reason.code in codes) and (message is None or message.kind == FAULT):
                     result.reason = tell([reason])[0].means
                     return
     result.wrong.append("the page does not say why as a fault")
-
-
-def _is_fault(reason: Reason) -> bool:
-    message = find_message(reason)
-    return message is None or message.kind == FAULT
 
 
 def _judge_return(row: Row, motion: Motion, moved: Moved, plant: Plant, result: Any) -> None:
@@ -391,8 +385,9 @@ class SickBelt(Belt):
         if self.trouble == "wheels jam" or (self.trouble == "stiction" and self.speed_rad_s == 0.0
                                             and abs(torque_nm) <= STICTION_NM["wheels"]):
             self.speed_rad_s = 0.0
-            return
-        super().step(torque_nm * {"wheels backwards": -1.0, "wheels have no power": 0.0}.get(self.trouble, 1.0), dt_s)
+        else:
+            sign = {"wheels backwards": -1.0, "wheels have no power": 0.0}.get(self.trouble, 1.0)
+            super().step(sign * torque_nm, dt_s)
 
 
 class MovingWorld(World):
@@ -534,9 +529,3 @@ def make_sick_nodes(config: Config, world: MovingWorld) -> dict[str, Any]:
         readings.append((encoder_id(config.hood_encoder.device, "POSITION_OUTPUT"), False))
     nodes = make_nodes(config, world, NO_WATCHDOG)
     return {name: SickNode(node, *reading) for (name, node), reading in zip(nodes.items(), readings, strict=True)}
-
-
-def torque_frame_id(config: Config, name: str) -> int:
-    """Arbitration id of the frame that asks a motor for torque."""
-    axis = (*config.axes.flywheels, config.axes.hood)[NAMES.index(name)]
-    return frame_id(axis, "Set_Input_Torque" if is_odrive(axis) else "DUTY_CYCLE_SETPOINT")

@@ -4,10 +4,10 @@ import contextlib
 import io
 import multiprocessing
 import os
-import shutil
 import signal
 import threading
 from collections.abc import Callable
+from functools import partial
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import SimpleNamespace
@@ -92,7 +92,7 @@ def play(row: Row, bus: str, folder: Path, stepped: bool) -> str:
             _play_real(place)
         finally:
             if small:
-                _unmount(folder)
+                unmount(folder)
     return ""
 
 
@@ -116,6 +116,7 @@ class _SteppedWorld:
         self.box = BrokenBox(place.folder / "box", prompt=True)
         self._place, self._span, self._now_ns = place, span, now_ns
         self._wire = FarWire(*place.bus, SimpleNamespace(now_ns=now_ns))
+        self._make = partial(_make_far_side, place, self._wire, self.box, span, now_ns)
         self._far = self._make()
         self._stood_ns = 0                        # how long it has stood still in all
         self._at_ns = 0
@@ -139,9 +140,6 @@ class _SteppedWorld:
         self._far.save(self._place.folder / "devices.json")
         self._wire.close()
         self.box.close()
-
-    def _make(self) -> FarSide | MotionSide:
-        return _make_far_side(self._place, self._wire, self.box, self._span, self._now_ns)
 
 
 def _make_far_side(place: Place, wire: FarWire, box: BrokenBox, span: Span,
@@ -251,15 +249,6 @@ def _wait_for(process: BaseProcess) -> None:
     if process.is_alive():
         process.kill()
         process.join()
-
-
-def _unmount(folder: Path) -> None:
-    """Files on the small disk stay."""
-    kept = folder.with_name(folder.name + "-kept")
-    shutil.copytree(folder, kept, symlinks=True)
-    unmount(folder)
-    shutil.copytree(kept, folder, symlinks=True, dirs_exist_ok=True)
-    shutil.rmtree(kept)
 
 
 # --- a robot that is not to start

@@ -6,6 +6,7 @@ Bus and clocks, disks, the gate's model, and vision and recorder as processes of
 import errno
 import os
 import resource
+import shutil
 import subprocess
 import threading
 import time
@@ -80,7 +81,8 @@ def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port
     clock = StallingClock(clock, span, breaking in (Time("late ticks"), Wire("overrun")))
     gate = BrokenGate(breaking.what, span.stands, clock) if isinstance(breaking, Model) else None
     with ExitStack() as wires, standing_wall(breaking, span):
-        beside = Beside(config, folder, wires) if is_beside(breaking) else None
+        beside = Beside(config, folder, wires) if isinstance(breaking, Process) and breaking.who in (
+            "vision", "recorder") else None
         hurry()                                   # as on the robot: vision and recorder have no real time
         wire, box = _open(config, breaking, bus, box_port, span, clock, stepped, tally, wires)
         eyes = beside.open_eyes(clock) if beside else _open_eyes(config, breaking, span, clock, stepped, wires)
@@ -98,11 +100,6 @@ def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port
         run(WatchedRig(AdvisedRig(kept, span), config, lambda words: None), config, gate, recorder)
     side = RobotSide(dict(tally), None if gate is None else gate.answers, str(recorder.failed or ""))
     (folder / "robot.json").write_bytes(msgspec.json.encode(side))
-
-
-def is_beside(breaking: Breaking) -> bool:
-    """Whether it breaks a process beside control, which is there then."""
-    return isinstance(breaking, Process) and breaking.who in ("vision", "recorder")
 
 
 def _open(config: Config, breaking: Breaking, bus: tuple[str, str], box_port: str, span: Span, clock: Clock,
@@ -242,7 +239,12 @@ def mount_small_disk(folder: Path) -> bool:
 
 
 def unmount(folder: Path) -> None:
+    """Files on the small disk stay."""
+    kept = folder.with_name(folder.name + "-kept")
+    shutil.copytree(folder, kept, symlinks=True)
     subprocess.run(["umount", "-l", str(folder)], capture_output=True, check=False)
+    shutil.copytree(kept, folder, symlinks=True, dirs_exist_ok=True)
+    shutil.rmtree(kept)
 
 
 def break_disk(recorder: SessionWriter, what: str, span: Span) -> Callable[[], None]:

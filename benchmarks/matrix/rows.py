@@ -7,6 +7,9 @@ NetworkTables; motion, whose times are those of "what stops what" in docs/explan
 import math
 import struct
 from collections.abc import Iterator
+from functools import partial
+
+from msgspec.structs import replace
 
 from benchmarks.matrix import fault
 from benchmarks.matrix import keys as nt
@@ -203,7 +206,7 @@ def _near() -> list[Row]:
         *(Row(f"model file: {what}", "model", fault.Start(what), (), 0.0, fault.REFUSED, refusal=no) for what, no in (
             ("corrupted", "damaged or altered|not a usable ONNX"), ("truncated", "not a usable ONNX"),
             ("foreign", "contract|damaged"), ("no number", "gives no probability"),
-            ("no model", "No such file"), ("policy model, no file", "gate.policy is 'model', so --gate is needed"))),
+            ("no model", "no such file"), ("policy model, no file", "gate.policy is 'model', so --gate is needed"))),
         Row("devices' process stopped for 0.6 s (SIGSTOP)", "process", fault.Process("devices", "stop"), SILENT,
             STALE_S),                 # their watchdogs stand still with it
         Row("devices' process killed, started again", "process", fault.Process("devices", "kill"),
@@ -235,8 +238,6 @@ TROUBLES = (("flywheel_b", "too hot", "too hot", hw.ERROR_OVER_TEMPERATURE),
             ("hood", "gate driver fault", "gate driver", hw.ERROR_GATE_DRIVER),
             ("feeder", "sensor fault", "sensor", hw.ERROR_SENSOR),
             ("flywheel_a", "a fault that came and went (sticky)", "came and went", hw.ERROR_GATE_DRIVER))
-
-
 WHOSE = {"motor", "device"}
 RESET, LOCKED = (says(bot.MOTOR_ERROR, errors=(error(),)) for error in (hw.ERROR_HAS_RESET, hw.ERROR_LOCKED))
 
@@ -316,8 +317,7 @@ def _advice() -> list[Row]:
         *_spark_frames("advisory", ("flywheel_a",)),
         _spark("advisory", "hood", "no frames", "lost", Device("hood", "silent"), SILENT, STALE_S),
         _spark("advisory", "feeder", "gate driver fault", "fault", Inside("feeder", "gate driver"),
-             says(bot.MOTOR_ERROR, errors=(hw.ERROR_GATE_DRIVER(),)),
-             TOLD_S),
+             says(bot.MOTOR_ERROR, errors=(hw.ERROR_GATE_DRIVER(),)), TOLD_S),
         _spark("advisory", "hood_encoder", "no frames", "lost", Device("hood_encoder", "silent"), SILENT, STALE_S),
         Row("advice only: its own controller commands and keeps its heartbeat", "strangers",
             fault.Wire("competition controller"), (), 0.0, KEEPS, launcher="advisory")]
@@ -342,8 +342,6 @@ LAST_S = nt.BEGIN_S + 2.0                # of a trouble: longer than a battery m
 MISSING, IMPOSSIBLE = says(bot.KEY_MISSING), says(bot.CAMERA_LOST)
 JUMPED, CAMERA_JUMPED = says(bot.KEY_JUMPED), says(bot.CAMERA_LOST, cause=says(bot.KEY_JUMPED))
 UNKNOWN = says(bot.ROBOT_SPEED_UNKNOWN)
-
-
 PLAIN = {"distance": "/Vision/Distance", "hood angle": "/Hood/Angle", "wheel speed": "/Shooter/RPM",
          "battery": "/Battery"}
 
@@ -412,10 +410,7 @@ CODES: dict[str, tuple[str, ...] | None] = {
     "disagree": ("encoder_mismatch", "speed_jumped", *RELEASED),
     "direction": ("speed_jumped", "encoder_mismatch", *RELEASED),
     "jump": ("speed_jumped", "encoder_mismatch", "encoder_stuck", *RELEASED),
-    "overspeed": RELEASED,
-    "repeated": RELEASED,
-    "jam": RELEASED,
-    "homing": RELEASED,
+    **dict.fromkeys(("overspeed", "repeated", "jam", "homing"), RELEASED),
     "encoders": ("hood_encoders_disagree", *RELEASED),
     "switch": (),
 }
@@ -506,19 +501,16 @@ def _hood() -> Iterator[Row]:
                   Motion("nothing", (), "start", "", "fault", "none", hood_deg=70.0), 0.0, KEEPS, 6.0)
 
 
-def _wheel(words: str, motion: Motion, within_s: float, after: str, lasts_s: float) -> Row:
-    return Row(f"motion, wheels: {words}", "motion", motion, (), within_s, after, lasts_s, first=motion.when == "start")
+def _moved(part: str, words: str, motion: Motion, within_s: float, after: str, lasts_s: float = 3.0) -> Row:
+    return Row(f"motion, {part}: {words}", "motion", motion, (), within_s, after, lasts_s, first=motion.when == "start")
 
 
-def _hooded(words: str, motion: Motion, within_s: float, after: str, lasts_s: float = 3.0) -> Row:
-    return Row(f"motion, hood: {words}", "motion", motion, (), within_s, after, lasts_s, first=motion.when == "start")
+_wheel, _hooded = partial(_moved, "wheels"), partial(_moved, "hood")
 
 
 def _with_sparks(row: Row) -> Row:
     """The same of a launcher with SPARKs."""
-    name = row.name.replace("motion, ", "motion, SPARK ")
-    return Row(name, row.family, row.breaking, row.reason, row.within_s, row.after, row.lasts_s, first=row.first,
-               launcher="spark")
+    return replace(row, name=row.name.replace("motion, ", "motion, SPARK "), launcher="spark")
 
 
 ODRIVE_ROWS = (*_wheels(), *_hood())

@@ -16,17 +16,13 @@ ROOT = Path(__file__).parents[2]
 SPREADSHEET = "examples/spreadsheet"
 
 
-def readme_example() -> str:
-    return re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)[0]
-
-
 @pytest.mark.slow
-def test_readme_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                             capsys: pytest.CaptureFixture[str]) -> None:
+def test_readme_example_runs(tmp_path, monkeypatch, capsys):
     shutil.copytree(ROOT / SPREADSHEET, tmp_path / SPREADSHEET)
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    exec(compile(readme_example(), "README.md", "exec"), names)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    exec(compile(re.findall(r"```python\n(.*?)```", text, re.DOTALL)[0], "README.md", "exec"), names)
     found = names["found"]
     assert isinstance(found, ta.Finding) and found.verdict == "set"
     assert "wheel_slip" in {effect.term for effect in found.effects}       # the world in which the shots were made

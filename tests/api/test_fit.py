@@ -18,8 +18,7 @@ def week():
 def test_fit_equals_what_the_command_prints_and_writes(week, tmp_path, capsys) -> None:
     ta.save_dataset(tmp_path / "d", week)
     out = tmp_path / "coefficients.toml"
-    assert main(["fit", str(tmp_path / "d"), "--terms", ",".join(TERMS), "-o", str(out),
-                 "--quiet"]) == 0
+    assert main(["fit", str(tmp_path / "d"), "--terms", ",".join(TERMS), "-o", str(out), "--quiet"]) == 0
     fit = ta.fit(ta.load_dataset(tmp_path / "d"), [one for one in ta.catalogue() if one.name in TERMS])
     assert capsys.readouterr().out == f"{fit}\n" and fit._repr_html_().startswith("<pre>fitted to 32")
     fit.belief.save(tmp_path / "own.toml")

@@ -37,6 +37,8 @@ def test_golden_findings_are_read_and_told(path: Path) -> None:
     assert (finding.verdict, finding.sentence) == (read["verdict"], read["sentence"])
     assert [one.term for one in finding.effects] == [one["term"] for one in read["what"]]
     assert str(finding).startswith(f"{finding.sentence}\n") and finding._repr_html_().startswith("<p><b>")
+    assert finding.to_json().encode() == path.read_bytes()
+    assert finding.record.mismatch.found == (finding.verdict != "none") and finding.record.data.shots > 0
 
 
 def test_every_name_is_there_and_documented() -> None:
@@ -69,8 +71,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
     (lambda: ta.identifiability("rig.toml"), "rig_or_dataset", "load_rig"),
     (lambda: ta.predict(ta.load_dataset(SHOTS), "coefficients.toml"), "belief", "load_belief"),
     (lambda: ta.train_gate(ta.load_dataset(SHOTS), "coefficients.toml"), "belief", "load_belief"),
-    (lambda: ta.design_shots(ta.load_dataset(SHOTS), "finding.json"), "found", "discover"),
-])
+    (lambda: ta.design_shots(ta.load_dataset(SHOTS), "finding.json"), "found", "discover")])
 def test_a_path_is_no_dataset_and_the_message_says_what_loads_it(call, argument: str, load: str) -> None:
     with pytest.raises(ta.InputError, match=rf"^{argument}: is of type str; load it first with truearc\.{load}"):
         call()

@@ -106,8 +106,7 @@ def test_shot_plan_equals_what_the_command_prints(folder, week, found, tmp_path,
 def test_identifiability_equals_what_the_command_prints(folder, week, tmp_path, capsys) -> None:
     out = tmp_path / "sight.json"
     rig = folder / "rig.toml"
-    assert main(["identifiability", str(rig), "--shots", "40", "--level", "L1", "--json", str(out),
-                 "--quiet"]) == 0
+    assert main(["identifiability", str(rig), "--shots", "40", "--level", "L1", "--json", str(out), "--quiet"]) == 0
     season = ta.identifiability(week.rig, level="L1", shots=40, name="rig.toml")
     assert capsys.readouterr().out == f"{season}\n" and out.read_text() == season.to_json()
     needed = season.table().column("shots_needed")

@@ -58,8 +58,7 @@ def test_a_prefix_lists_its_commands(prefix: str, capsys: pytest.CaptureFixture[
 
 @pytest.mark.parametrize(("typed", "meant"), [
     ("disover", "truearc discover"), ("emulat", "truearc emulate"), ("paper fitt", "truearc paper fit"),
-    ("session reply", "truearc session replay"), ("conver", "truearc session convert"), ("provee", "truearc prove"),
-])
+    ("session reply", "truearc session replay"), ("conver", "truearc session convert"), ("provee", "truearc prove")])
 def test_a_typo_gets_the_nearest_command(typed: str, meant: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*typed.split(), "x"]) == 2
     said = capsys.readouterr().err
@@ -90,8 +89,7 @@ def needed_by(command: Command) -> list[argparse.Action]:
 
 
 @pytest.mark.parametrize("command", [one for one in COMMANDS if needed_by(one)], ids=lambda command: command.name)
-def test_every_missing_argument_is_named_with_the_example(command: Command,
-                                                          capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_missing_argument_is_named_with_the_example(command, capsys):
     names, _, example = refused(command.name.split(), capsys).partition(": missing; example: ")
     assert names == ", ".join("/".join(action.option_strings) or str(action.metavar or action.dest)
                               for action in needed_by(command))
@@ -111,10 +109,8 @@ def test_every_missing_argument_is_named_with_the_example(command: Command,
     ("paper train --real r -o w --epochs 2 --steps 3", "--steps: excludes --epochs; give one of them"),
     ("sysid --emulate=yes", "--emulate: takes no value, got 'yes'; leave it out"),
     ("export a b -o g", "b: not an argument of this command; example: truearc export "),
-    ("export -o", "-o/--out: its value is missing; example: truearc export "),
-])
-def test_an_unusable_argument_is_named_with_what_to_do(words: str, said: str,
-                                                       capsys: pytest.CaptureFixture[str]) -> None:
+    ("export -o", "-o/--out: its value is missing; example: truearc export ")])
+def test_an_unusable_argument_is_named_with_what_to_do(words, said, capsys):
     assert refused(words.split(), capsys).startswith(said)
 
 
@@ -152,8 +148,7 @@ def test_alone_it_says_what_proof_would_add_and_imports_any_teams_logs() -> None
     ["deploy", "pi@robot", "--config", "nowhere.toml"],
     ["emulate", "--trials", "1", "--out", "s", "--config", "nowhere.toml"],
     ["emulate", "--trials", "1", "--out", "s", "--world", "nowhere.toml"],
-    ["emulate", "--trials", "1", "--out", "s", "--gate", "nowhere.onnx"],
-], ids=" ".join)
+    ["emulate", "--trials", "1", "--out", "s", "--gate", "nowhere.onnx"]], ids=" ".join)
 def test_a_missing_file_is_named_with_exit_code_2(words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(words) == 2
@@ -166,8 +161,7 @@ def test_a_missing_file_is_named_with_exit_code_2(words, tmp_path, monkeypatch, 
 @pytest.mark.parametrize("words", [
     ["emulate", "--trials", "1", "--out", "s", "--seed", "-1"], ["demo", "--seed", "-1"], ["demo", "--seed", "x"],
     ["emulate", "--trials", "0", "--out", "s"],
-    ["emulate", "--trials", "1", "--out", "a_file/s"], ["demo", "--out", "a_file"],
-])
+    ["emulate", "--trials", "1", "--out", "a_file/s"], ["demo", "--out", "a_file"]])
 def test_impossible_values_are_refused_and_leave_nothing_behind(words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a_file").touch()
@@ -177,8 +171,7 @@ def test_impossible_values_are_refused_and_leave_nothing_behind(words, tmp_path,
 
 
 @pytest.mark.parametrize(("package", "install", "words"), [
-    ("jax", "'truearc[sim]'", ["discover", "x"]), ("sklearn", "./proof", ["reproduce", "-o", "x", "--quick"]),
-])
+    ("jax", "'truearc[sim]'", ["discover", "x"]), ("sklearn", "./proof", ["reproduce", "-o", "x", "--quick"])])
 def test_a_missing_package_says_what_to_install(package, install, words, tmp_path):
     code = f"import sys; sys.modules[{package!r}] = None\nfrom truearc.cli.main import main\nsys.exit(main({words!r}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
@@ -249,8 +242,7 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (["session", "re"], {"replay", "recover"}), (["paper", "fit", "--pi"], {"--picture"}),
     (["vision-c"], {"vision-calibrate"}), (["vision", "a.jpg", "--l"], {"--labels"}),
     (["vision-calibrate", "--b"], {"--board", "--bias-sigma"}),
-    (["session", "convert", "s", "--to", ""], {"csv", "mcap", "parquet", "wpilog"}), (["prov"], {"prove"}),
-])
+    (["session", "convert", "s", "--to", ""], {"csv", "mcap", "parquet", "wpilog"}), (["prov"], {"prove"})])
 def test_bash_completes_commands_options_and_choices(script: Path, words: list[str], completed: set[str]) -> None:
     done = subprocess.run(["bash", "-c", ASK, "ask", str(script), *words], capture_output=True, text=True, check=True)
     assert set(done.stdout.split()) == completed

@@ -27,8 +27,7 @@ GIVEN = {
     "shots.toml": ("shot-map", "truearc import csv FILE.csv --map shots.toml --rig rig.toml -o DIR"),
     "a.wpilog": ("wpilog", "truearc import wpilog a.wpilog --guess --rig rig.toml -o DIR"),
     "a.mcap": ("mcap", "truearc shots SESSION -o DIR"),
-    "empty.csv": ("empty", ""), "folder": ("folder", ""), "junk": ("file", ""),
-}
+    "empty.csv": ("empty", ""), "folder": ("folder", ""), "junk": ("file", "")}
 # command line with X -> the kinds that X may be, and what makes one
 LINES = {
     "import csv X --guess --rig data/rig.toml -o out": (("table",), "init DIR"),
@@ -48,8 +47,7 @@ LINES = {
     "sysid X": (("session",), "emulate --out X"), "session replay X": (("session",), "emulate --out X"),
     "session convert X --to mcap -o out": (("session",), "emulate --out X"),
     "paper fit X -o out": (("dataset",), "init X"),
-    "paper synth --rig X --coefficients belief.toml -n 9 -o out": (("rig",), "init DIR"),
-}
+    "paper synth --rig X --coefficients belief.toml -n 9 -o out": (("rig",), "init DIR")}
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +77,7 @@ def test_a_file_is_known_by_what_it_holds(files: Path) -> None:
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_each_file_given_to_each_command(line: str, files: Path, monkeypatch: pytest.MonkeyPatch,
-                                         capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_file_given_to_each_command(line, files, monkeypatch, capsys):
     monkeypatch.chdir(files)
     takes, made = LINES[line]
     for name, (kind, use) in GIVEN.items():
@@ -97,8 +94,7 @@ def test_each_file_given_to_each_command(line: str, files: Path, monkeypatch: py
 # check takes seconds to load, and run waits for a robot's bus
 @pytest.mark.parametrize("line", [line for line in LINES if LINES[line][1] and "data" not in line
                                   and not line.startswith(("check", "run"))])
-def test_a_missing_file_ends_in_the_command_that_makes_it(line: str, files: Path, monkeypatch: pytest.MonkeyPatch,
-                                                          capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_file_ends_in_the_command_that_makes_it(line, files, monkeypatch, capsys):
     monkeypatch.chdir(files)
     assert main(["nowhere" if word == "X" else word for word in line.split()]) == 2
     said = capsys.readouterr().err.strip()

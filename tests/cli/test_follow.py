@@ -101,14 +101,12 @@ def test_follow_finds_since_when(found: "ta.Following") -> None:
     assert "change: alarm at shot" in str(found)
 
 
-def test_e_values_of_earlier_shots_do_not_depend_on_later_ones(found: "ta.Following", changed: ta.Dataset,
-                                                               belief: ta.Belief) -> None:
+def test_e_values_of_earlier_shots_do_not_depend_on_later_ones(found, changed, belief):
     part = ta.follow(changed.take(range(45)), belief)
     assert part.e_values == pytest.approx(found.e_values[:45], rel=1e-6)
 
 
-def test_follow_says_no_change_of_the_same_launcher(belief: ta.Belief, tmp_path: Path,
-                                                    capsys: pytest.CaptureFixture[str]) -> None:
+def test_follow_says_no_change_of_the_same_launcher(belief, tmp_path, capsys):
     ta.save_dataset(tmp_path / "event", session(33, 60, {}, "c"))
     belief.save(tmp_path / "home.toml")
     assert main(["follow", str(tmp_path / "event"), "--belief", str(tmp_path / "home.toml"), "--once", "--quiet",
@@ -117,8 +115,7 @@ def test_follow_says_no_change_of_the_same_launcher(belief: ta.Belief, tmp_path:
     assert not (tmp_path / "out").exists()
 
 
-def test_follow_proposes_a_belief_and_its_aim(proposed: "Proposed", changed: ta.Dataset, belief: ta.Belief,
-                                              tmp_path: Path) -> None:
+def test_follow_proposes_a_belief_and_its_aim(proposed, changed, belief, tmp_path):
     belief.save(tmp_path / "home.toml")
     old, out = (tmp_path / "home.toml").read_bytes(), proposed.folder / "out"
     assert "; accept?" in proposed.said
@@ -135,9 +132,7 @@ def test_follow_proposes_a_belief_and_its_aim(proposed: "Proposed", changed: ta.
         assert row.points_after > row.points_kept + 0.2
 
 
-def test_follow_sends_the_aim_file_to_the_robot_that_offers_it(
-        named: ta.Finding, changed: ta.Dataset, belief: ta.Belief, tmp_path: Path,
-        capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_follow_sends_the_aim_file_to_the_robot_that_offers_it(named, changed, belief, tmp_path, capsys, monkeypatch):
     # the same shots have the same finding; how it is sent is asked here
     monkeypatch.setattr(ta.Following, "find", lambda following, progress: named)
     config = load_config(SHIPPED)
@@ -165,8 +160,7 @@ def test_follow_sends_the_aim_file_to_the_robot_that_offers_it(
     assert main(asked[:-1]) == 2 and main([*asked[:-4], "--token", "t"]) == 2
 
 
-def test_ids_differ_with_the_content_and_not_with_the_time(found: "ta.Following", named: ta.Finding,
-                                                           changed: ta.Dataset) -> None:
+def test_ids_differ_with_the_content_and_not_with_the_time(found, named, changed):
     made = propose(found, named, changed.rig, (BeliefFile("home.toml", "0" * 64), "belief.toml"), [4.0])
     one, same, other = (sealed(made, content, at).proposal for content, at in (
         (b"one", "2026-03-01T10:00:00+00:00"), (b"one", None), (b"other", None)))
@@ -181,8 +175,7 @@ def test_implausible_shots_are_refused_unless_accepted(changed: ta.Dataset, beli
     assert ta.follow(radians, belief, accept=["hood"]).accept == ["hood"]
 
 
-def test_watch_looks_again_only_after_the_files_have_changed(belief: ta.Belief, tmp_path: Path,
-                                                             capsys: pytest.CaptureFixture[str]) -> None:
+def test_watch_looks_again_only_after_the_files_have_changed(belief, tmp_path, capsys):
     whole = session(34, 14, {}, "d")
     watch = ShotWatch(Namespace(paths=(tmp_path / "event",), belief="home.toml", rig=None, out=None, distances=None,
                                 false_alarm=0.05, seed=0, quiet=True, accept=()), belief)
@@ -209,17 +202,14 @@ def test_nothing_is_found_without_an_alarm(belief: ta.Belief) -> None:
 
 @pytest.mark.parametrize(("options", "error"), [
     (["--false-alarm", "0"], "--false-alarm"), (["--belief", "missing.toml"], "missing.toml"),
-    (["--every", "0"], "--every"), (["--distances", "4:2:1"], "--distances"),
-])
-def test_follow_refuses_what_cannot_be(options: list[str], error: str, belief: ta.Belief, tmp_path: Path,
-                                       capsys: pytest.CaptureFixture[str]) -> None:
+    (["--every", "0"], "--every"), (["--distances", "4:2:1"], "--distances")])
+def test_follow_refuses_what_cannot_be(options, error, belief, tmp_path, capsys):
     belief.save(tmp_path / "home.toml")
     assert main(["follow", str(tmp_path), "--belief", str(tmp_path / "home.toml"), "--once", *options]) == 2
     assert error in capsys.readouterr().err
 
 
-def test_follow_refuses_another_rig_and_mixed_folders(belief: ta.Belief, tmp_path: Path,
-                                                      capsys: pytest.CaptureFixture[str]) -> None:
+def test_follow_refuses_another_rig_and_mixed_folders(belief, tmp_path, capsys):
     made = session(35, 12, {}, "e")
     ta.save_dataset(tmp_path / "event", made)
     heavier = structs.replace(made.rig, ball=structs.replace(made.rig.ball, mass_kg=0.2))
@@ -248,8 +238,7 @@ def test_a_direction_is_proposed_only_where_marks_or_tracks_show_it(found: "ta.F
 
 
 @pytest.mark.parametrize(("low90", "offered"), [(0.0, False), (0.01, True)])
-def test_no_gain_is_proposed_that_may_be_nothing(low90: float, offered: bool, found: "ta.Following",
-                                                 named: ta.Finding) -> None:
+def test_no_gain_is_proposed_that_may_be_nothing(low90, offered, found, named):
     worth = named.record.adoption
     assert isinstance(worth, Adoption)
     record = structs.replace(named.record, adoption=structs.replace(worth, low90=low90))

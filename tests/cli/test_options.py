@@ -3,6 +3,7 @@
 import inspect
 import os
 import re
+import shlex
 import shutil
 import sys
 from importlib import import_module
@@ -78,8 +79,7 @@ def test_a_device_is_written_to_and_stays(force: list[str], here: Path) -> None:
 @pytest.mark.parametrize("words", [
     "predict week --cd 0.5 --cl 0.1 -o", "aim b --rig week/rig.toml --robot", "init --robot"])
 @pytest.mark.parametrize("force", [[], ["--force"]])
-def test_what_is_no_file_is_refused_and_stays(words: str, force: list[str], here: Path,
-                                              capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_no_file_is_refused_and_stays(words, force, here, capsys):
     os.mkfifo(here / "pipe")
     assert main([*words.split(), "pipe", *force]) == 2
     assert "pipe: is a pipe or a device, not a file; name a file" in capsys.readouterr().err
@@ -173,17 +173,54 @@ def test_options_of_planned_shots_are_refused_with_results(words: str, capsys: p
     assert "applies to planned shots only; these have results" in capsys.readouterr().err
 
 
+REFERENCE = SHOTS.parents[1] / "tests" / "golden" / "reference"
+PLACES = {"DIR": SHOTS, "RIG": SHOTS / "rig.toml", "BELIEF": next((REFERENCE / "belief").rglob("*.toml")),
+          "GATE": REFERENCE / "export-physics" / "gate.onnx", "LAUNCHER": SHOTS.parents[1] / "robot" / "launcher.toml"}
+
+
 @pytest.mark.parametrize(("words", "why"), [
     ("predict DIR --gate g.onnx --cd 0", "--cd: does not apply with --gate"),
     ("follow DIR --belief BELIEF --once --every 7", "--every: does not apply with --once"),
-    ("emulate --bus slcan:auto --trials 1 --quiet", "--quiet: does not apply with --bus")])
-def test_an_option_that_does_not_apply_is_refused_even_if_it_is_zero(words: str, why: str,
-                                                                      capsys: pytest.CaptureFixture[str]) -> None:
-    root = Path(__file__).parents[2]
-    belief = next((root / "tests" / "golden" / "reference" / "belief").rglob("*.toml"))
-    places = {"DIR": str(root / "examples" / "spreadsheet"), "BELIEF": str(belief)}
-    assert main([places.get(word, word) for word in words.split()]) == 2
-    assert why in capsys.readouterr().err
+    ("emulate --bus slcan:auto --trials 1 --quiet", "--quiet: does not apply with --bus"),
+    ("design d --shots 2 --configurations 3", "--configurations 3"), ("design d --seed -1", "--seed: got -1"),
+    ("design d --false-alarm 0", "--false-alarm"), ("discover d --seed -1", "--seed: got -1"),
+    ("discover d --false-alarm 2", "--false-alarm"), ("discover d --false-alarm 0.0004", "--false-alarm"),
+    ("discover d --json nowhere/x.json", "nowhere/x.json: there is no such directory"),
+    ("discover d --believe gravity,magic", "--believe"), ("discover d --since home", "--since goes with --belief"),
+    ("identifiability RIG --shots 3", "too few"), ("identifiability RIG --believe magic", "'magic'"),
+    ("identifiability RIG --seed -1", "--seed"), ("identifiability DIR --level L1", "--level: "),
+    ("identifiability DIR --shots 30", "--shots: "),
+    ("identifiability RIG --believe gravity,free_push", "unexplained effect"),
+    ("fit DIR --terms drag,magnetism", "--terms: there is no term 'magnetism'"),
+    ("fit DIR --terms wind", "there is no term 'wind' (did you mean 'wind_x' or 'wind_y' or 'wind_z'?)"),
+    ("fit DIR --terms drga", "--terms: there is no term 'drga' (did you mean 'drag'?)"),
+    ("fit DIR --terms ''", "--terms: got ''; expected at least one entry"),
+    ("fit DIR --terms drag,drag", "--terms: got drag more than once; keep one"),
+    ("fit DIR --terms ' , '", "--terms: got ' , '; expected at least one entry"),
+    ("fit DIR --seed 1", "--seed: applies with several datasets only"), ("fit DIR --seed -1", "--seed: got -1"),
+    ("fit DIR -o nowhere/at/all.toml", "nowhere/at/all.toml"),
+    ("predict DIR --cd 0.9", "--cl is needed"), ("predict DIR --cd nan --cl 0", "--cd: got nan; expected at least 0"),
+    ("predict DIR --cd 1 --cl 1 --coefficients x", "exclude each other"),
+    ("predict DIR --coefficients nowhere.toml", "nowhere.toml"),
+    ("predict DIR --cd 1 --cl 1 -o /nowhere/p.csv", "/nowhere/p.csv"),
+    *((f"serve GATE --port 0 {option}", option.split()[0]) for option in (
+        "--threshold 1.5", "--threshold nan", "--port 70000", "--host no.such.host.invalid")),
+    ("serve GATE --port 0 --config nowhere.toml", "nowhere.toml"),
+    ("sysid", "give --config"), ("sysid --emulate", "needs --out"), ("sysid --config nowhere.toml", "nowhere.toml"),
+    ("sysid --csv nowhere.csv", "nowhere.csv"), ("sysid --emulate --out x --seed -1", "--seed: got -1"),
+    ("sysid --csv a.csv -o no/such/gains.toml", "no such directory"),
+    *((f"doctor --config LAUNCHER {option}", option.split()[0]) for option in (
+        "--seconds 0", "--seconds nan", "--priority 0")),
+    ("doctor --config LAUNCHER --endpoints nowhere.json", "nowhere.json"),
+    ("vision-tune --port 70000 .", "no pictures"), ("vision-tune --camera none.toml", "none.toml"),
+    *((f"run --config nowhere.toml {option}", option.split()[0]) for option in (
+        "--priority 100", "--priority -1", "--core -1")),
+    *((f"run --config LAUNCHER --out s --page={where}", f"--page {where}") for where in (
+        "here", "127.0.0.1:", "127.0.0.1:70000", "-1", ""))])
+def test_an_option_that_cannot_be_is_named(words, why, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main([str(PLACES.get(word, word)) for word in shlex.split(words)]) == 2
+    assert why in capsys.readouterr().err and list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(("words", "option"), [
@@ -200,10 +237,9 @@ def test_an_option_that_does_not_apply_is_refused_even_if_it_is_zero(words: str,
     ("emulate --trials 1 --bus slcan:auto --gate g", "--gate"),
     ("emulate --trials 1 --bus slcan:auto --page 0", "--page"),
     ("session replay s --from frames --gate g", "--gate"),
-    ("discover d --since e", "--since"), ("discover d --belief b --believe drag", "--belief"),
+    ("discover d --belief b --believe drag", "--belief"),
     ("prove grade --worlds 3", "--worlds"), ("prove solve --packed p", "--packed"),
-    ("prove pack --packed p --so-far", "--so-far"),
-], ids=str)
+    ("prove pack --packed p --so-far", "--so-far")], ids=str)
 def test_an_option_of_another_mode_or_command_is_refused_by_name(words, option, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(words.split()) == 2

@@ -11,6 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.robot.aim_files import CONTENT, HOOD, LEAD, RATIO, write
+from tests.waiting import SetClock, wait_until
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
@@ -36,23 +37,13 @@ MAP = ShotMap("truearc.shot-map/1", columns={
 WELL = {"/Vision/Distance": 2.2488, "/Hood/Angle": 51.737, "/Shooter/RPM": 0.44958 * 594.0 * 9.549297, "/Battery": 12.4}
 HZ, NS = 50, 1_000_000_000
 NEEDED = list(WELL)
+Clock = partial(SetClock, 5 * NS)
 
 
 def config() -> Config:
     shipped = load_config(SHIPPED)
     return replace(shipped, tick_hz=HZ, gate=replace(shipped.gate, policy="model", reading_age_s=0.5,
                                                      sighting_age_s=0.5, threshold=0.3))
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.t_ns = 5 * NS
-
-    def now_ns(self) -> int:
-        return self.t_ns
-
-    def sleep_until_ns(self, t_ns: int) -> None:
-        self.t_ns = max(self.t_ns, t_ns)
 
 
 class Robot:
@@ -227,8 +218,7 @@ def play(robot: Robot) -> Iterator[None]:
         yield
 
 
-def test_it_records_a_session_that_replays_to_the_bit_and_has_its_shots(tmp_path: Path,
-                                                                        capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_records_a_session_that_replays_to_the_bit_and_has_its_shots(tmp_path, capsys):
     robot, facts, gate = Robot(), config(), load_gate(GATE)
     folder = tmp_path / "advice"
     recorder = SessionWriter(folder, replace(make_header(facts, gate, None), policy=ADVICE), facts, GATE.read_bytes(),
@@ -312,10 +302,7 @@ def test_a_gamepads_buttons_and_a_toggle_are_read_from_a_real_server(nt_server: 
         toggle.set(scored)
         server.flush()
         wanted = [float(held & 1), float(held >> 2 & 1), float(scored)]
-        began = time.monotonic()
-        while [one.value for one in keys.read(time.monotonic_ns()).values()] != wanted:
-            assert time.monotonic() - began < 10.0
-            time.sleep(0.01)
+        wait_until(lambda wanted=wanted: [one.value for one in keys.read(time.monotonic_ns()).values()] == wanted)
         clock.t_ns = max(clock.t_ns, time.monotonic_ns())
         inputs = io.read()
         assert inputs is not None

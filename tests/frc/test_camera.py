@@ -69,8 +69,7 @@ def look(kind: str, found: Mapping[str, Reading], **facts: float) -> Sighting | 
 
 @pytest.mark.parametrize("kind", KINDS)
 @given(some.floats(1.0, 8.0), some.floats(-30.0, 30.0), some.floats(-10.0, 40.0), some.floats(0.2, 1.2))
-def test_the_distance_is_horizontal_to_the_target_plane(kind: str, distance_m: float, bearing_deg: float,
-                                                        pitch_deg: float, height_m: float) -> None:
+def test_the_distance_is_horizontal_to_the_target_plane(kind, distance_m, bearing_deg, pitch_deg, height_m):
     place = seen_by(kind, distance_m, bearing_deg, pitch_deg, height_m)
     seen = look(kind, keys(kind, place), pitch_deg=pitch_deg, height_m=height_m, sigma_share=0.01)
     assert seen is not None and seen.found and seen.t_ns == NOW_NS - round(LATENCY_S * 1e9)

@@ -64,8 +64,7 @@ def test_each_trouble_is_named_with_what_to_do(heard: HeardKeys, level: str, pla
     ("battery_v", -5.0, "battery_v would be -5, possible is 6 to 16"),
     ("motor_rad_s", 9000.0, "motor_rad_s would be 942.478, possible is -59.4 to 653.4"),
     ("hood_deg", "45", "is a text, '45'"), ("distance_m", 3.0, ""), ("battery_v", 12.0, "")])
-def test_a_value_that_advice_would_not_believe_fails(column: str, value: float | str, said: str,
-                                                     tmp_path: Path) -> None:
+def test_a_value_that_advice_would_not_believe_fails(column, value, said, tmp_path):
     (tmp_path / "shots.toml").write_text(MAP, encoding="utf-8")
     columns = scaled_columns(load_map(tmp_path / "shots.toml"), CONFIG)
     key = columns[column].key

@@ -80,8 +80,7 @@ def test_a_key_that_freezes_or_jumps_is_a_hold(age_s: float, off_deg: float, cod
     assert code is None or code.name in codes(tick.verdict.reasons)
 
 
-def test_a_real_server_is_read_without_waiting_and_the_doctor_sees_what_it_publishes(
-        nt_server: tuple[Any, str]) -> None:
+def test_a_real_server_is_read_without_waiting_and_the_doctor_sees_what_it_publishes(nt_server):
     finding, = examine(TABLE, Around(0.1, {"nt4": {"server": f"127.0.0.1:{free_port()}"}}), None)
     assert finding.level == FAILURE and "no connection" in finding.says
     server, address = nt_server

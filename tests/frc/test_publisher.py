@@ -4,13 +4,13 @@ import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
 from tests.frc.nt_server import Table
 from tests.robot.good_tick import good_inputs, good_memory
+from tests.waiting import SetClock, wait_until
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
@@ -30,15 +30,6 @@ FIRED = step(good_inputs(), good_memory(), CONFIG, None)
 HELD = replace(FIRED, verdict=Verdict(False, ()))
 
 
-class Still:
-    """A clock that stands 0.25 s behind the tick."""
-
-    def now_ns(self) -> int:
-        return FIRED.inputs.t_ns + 250_000_000
-
-    def sleep_until_ns(self, t_ns: int) -> None: ...
-
-
 def published(ticks: list[Tick], clock: Clock | None = None) -> list[dict[str, float | str | Sequence[str]]]:
     table = Table()
     screen = NtPublisher(with_nt4(CONFIG, Nt4("254")), table, None, clock)
@@ -50,13 +41,6 @@ def published(ticks: list[Tick], clock: Clock | None = None) -> list[dict[str, f
     return table.said
 
 
-def wait_until(true: object, limit_s: float = 60.0) -> None:
-    began = time.monotonic()
-    while not true():                             # type: ignore[operator]
-        assert time.monotonic() - began < limit_s
-        time.sleep(0.01)
-
-
 def test_a_fire_is_published_even_where_later_ticks_hold() -> None:
     assert FIRED.verdict.fire
     said = published([HELD, FIRED, HELD, HELD])
@@ -64,12 +48,11 @@ def test_a_fire_is_published_even_where_later_ticks_hold() -> None:
 
 
 def test_the_age_is_that_at_sending() -> None:
-    own, late = published([HELD])[0]["age_s"], published([HELD], Still())[0]["age_s"]
+    own, late = published([HELD])[0]["age_s"], published([HELD], SetClock(FIRED.inputs.t_ns + 250_000_000))[0]["age_s"]
     assert isinstance(own, float) and late == pytest.approx(own + 0.25)
 
 
-def test_topics_reach_a_server_and_go_with_the_robot(nt_server: tuple[Any, str],
-                                                     capsys: pytest.CaptureFixture[str]) -> None:
+def test_topics_reach_a_server_and_go_with_the_robot(nt_server, capsys):
     server, address = nt_server
     verdict = server.getStringTopic("/truearc/verdict").subscribe("none")
     novelty = server.getDoubleTopic("/truearc/novelty").subscribe(-1.0)
@@ -93,8 +76,7 @@ def test_topics_reach_a_server_and_go_with_the_robot(nt_server: tuple[Any, str],
     wait_until(lambda: not verdict.exists())      # a robot that has gone publishes nothing
 
 
-def test_a_server_that_is_not_there_is_said_once(monkeypatch: pytest.MonkeyPatch,
-                                                 capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_server_that_is_not_there_is_said_once(monkeypatch, capsys):
     monkeypatch.setattr("truearc_frc.advice.PATIENCE_S", 0.05)
     table = Table(connected=False)
     screen = NtPublisher(with_nt4(CONFIG, Nt4("254")), table, None, None)
@@ -122,8 +104,7 @@ def test_the_table_is_checked_when_the_configuration_is_read(table: str, wrong: 
         configured(tmp_path / "launcher.toml", table)
 
 
-def test_deploy_carries_this_distribution_where_the_configuration_needs_it(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_deploy_carries_this_distribution_where_the_configuration_needs_it(tmp_path, capsys):
     launcher = tmp_path / "launcher.toml"
     for added in ("", '\n[nt4]\nserver = "254"\n'):
         launcher.write_text(SHIPPED.read_text(encoding="utf-8") + added, encoding="utf-8")

@@ -138,8 +138,7 @@ def test_elastic_shows_every_topic_once_without_overlap() -> None:
 
 
 def test_advantagescope_draws_every_topic_once_by_its_type() -> None:
-    layout = json.loads((DASHBOARDS / "advantagescope-live.json").read_text(encoding="utf-8"))
-    (hub,) = layout["hubs"]
+    (hub,) = json.loads((DASHBOARDS / "advantagescope-live.json").read_text(encoding="utf-8"))["hubs"]
     drawn = [one for tab in hub["state"]["tabs"]["tabs"] if tab["type"] == 1             # line graphs
              for side in ("leftSources", "rightSources", "discreteSources") for one in tab["controller"][side]]
     assert sorted(one["logKey"] for one in drawn) == sorted(f"NT:{OURS}{name}" for name in PUBLISHED)

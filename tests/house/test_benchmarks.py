@@ -32,13 +32,12 @@ QUICK = {
     "grid_fit": "--quick --runs 1 --launches 12",
     "kill": "--kills 2",
     "loop": "--trials 3",
-    "plausibility": "--rigs 2",
+    "plausibility": "--rigs 2 --processes 1 --out rigs.jsonl",
     "power": "--level L0 --worlds 1 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
     "real_sets": "DATA/real --only speeds",
     "seasons": "--seasons 1 --changes nothing --practice 40 --event 16 --seed 20060 --processes 1 --out seasons.jsonl",
     "vision": "--frames 1 --clutter 5 --files 5",
-    "vision_tag": "--frames 4 --distractors 4",
-}
+    "vision_tag": "--frames 4 --distractors 4"}
 JUDGES = ("gate",)              # exit code 1 where a busy machine is too slow: not tested here
 # Processes of their own: what they do to one (ends, pauses and hurries it, empties JAX's caches), and one as any other.
 # The others run in this one, which has imported and compiled most of what they need: a tenth of the time.

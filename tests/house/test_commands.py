@@ -79,8 +79,7 @@ ELSEWHERE = {
                                                                 "test_round.py solves one without its keeper",
     r"^truearc discover (examples/tracks|my_tracks)": "tests/sim/discover/test_tutorial_tracks.py asks it",
     r"^truearc (discover (mpi|drops|falls|bb|two-weeks|new-and-old)|fit (mpi|bb))":
-        "takes long; test_real.py, test_spin_vector.py, test_import_ball_drops.py ask it",
-}
+        "takes long; test_real.py, test_spin_vector.py, test_import_ball_drops.py ask it"}
 EXIT = {r"^truearc doctor": 1}        # exit codes that are documented: no launcher is there
 
 
@@ -158,10 +157,6 @@ def shortened(command: str) -> str:
     for pattern, replacement in SHORTER:
         command = re.sub(pattern, replacement, command)
     return command
-
-
-def is_elsewhere(command: str) -> bool:
-    return any(re.search(pattern, command) for pattern in ELSEWHERE)
 
 
 def check_options(command: str) -> None:
@@ -264,7 +259,7 @@ def test_every_command_of_a_page_does_what_it_says(page: Path, workspace: Worksp
     for command, in_block in commands_of(page):
         began = time.monotonic()
         try:
-            if is_elsewhere(command) or (not in_block and is_fragment(command)):
+            if any(re.search(pattern, command) for pattern in ELSEWHERE) or (not in_block and is_fragment(command)):
                 check_options(command)
             elif command not in _done:
                 workspace.run(shortened(command))

@@ -86,8 +86,7 @@ def test_only_one_file_reads_a_clock():
                                     "vision_images"])
 def test_the_robots_own_commands_need_only_the_base_install(module):
     """Imported in a process in which the heavy packages do not exist."""
-    code = (f"import sys\nfor name in {HEAVY!r}: sys.modules[name] = None\n"
-            f"import truearc.cli.{module}")
+    code = (f"import sys\nfor name in {HEAVY!r}: sys.modules[name] = None\n" f"import truearc.cli.{module}")
     run(sys.executable, "-c", code)
 
 

@@ -3,19 +3,7 @@
 import pytest
 
 from tests.hw.spinning_plant import SpinningPlant
-
-
-class SetClock:
-    """truearc.hw.protocols.Clock whose time is whatever the test says."""
-
-    def __init__(self) -> None:
-        self.t_ns = 0
-
-    def now_ns(self) -> int:
-        return self.t_ns
-
-    def sleep_until_ns(self, t_ns: int) -> None:
-        self.t_ns = max(self.t_ns, t_ns)
+from tests.waiting import SetClock
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.hw.spinning_plant import closed_after
+from tests.waiting import SetClock, wait_until
 from truearc.hw.emulated.serial_link import PtyCable, SlcanAdapter
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_BUS_OFF, CAN_OVERRUN, CAN_REOPENED, CAN_SILENT
 from truearc.hw.protocols import Frame, LinkLost
@@ -24,8 +25,7 @@ from truearc.hw.real import can_bus
 from truearc.hw.real.clock import MonotonicClock, make_pauses_s
 
 standard, extended, payloads = st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF), st.binary(max_size=8)
-frames = st.one_of(
-    st.tuples(standard, payloads).map(lambda drawn: Frame(0, *drawn)),
+frames = st.one_of(st.tuples(standard, payloads).map(lambda drawn: Frame(0, *drawn)),
     st.tuples(extended, payloads).map(lambda drawn: Frame(0, *drawn, is_extended=True)),
     st.tuples(standard, st.integers(0, 8)).map(lambda drawn: Frame(0, drawn[0], bytes(drawn[1]), is_remote=True)),
     st.tuples(extended, st.integers(0, 8)).map(lambda drawn: Frame(0, drawn[0], bytes(drawn[1]), True, True)))
@@ -33,14 +33,7 @@ frames = st.one_of(
 
 @pytest.fixture(scope="module")
 def shared_pair():
-    class Still:
-        def now_ns(self) -> int:
-            return 42
-
-        def sleep_until_ns(self, t_ns: int) -> None:
-            return
-
-    near, far = (can_bus.open_can("virtual", "test_can_bus_shared", 1_000_000, Still()) for _ in range(2))
+    near, far = (can_bus.open_can("virtual", "test_can_bus_shared", 1_000_000, SetClock(42)) for _ in range(2))
     yield near, far
     near.close()
     far.close()
@@ -110,8 +103,7 @@ def test_what_cannot_be_opened_is_named(clock, interface: str, channel: str) -> 
     (OSError(errno.ENODEV, "No such device"), False), (can.CanInitializationError("could not open port"), False),
     (OSError(errno.EAFNOSUPPORT, "no CAN"), True), (can.CanInterfaceNotImplementedError("not supported"), True),
     (NameError("canGetNumberOfChannels"), True), (ImportError("no library"), True), (ValueError("bitrate"), True)])
-def test_what_no_adapter_would_open_is_told_from_what_may_come(clock, monkeypatch, error: Exception,
-                                                               never: bool) -> None:
+def test_what_no_adapter_would_open_is_told_from_what_may_come(clock, monkeypatch, error, never):
     def refuse(**options: object) -> None:
         raise error
 
@@ -137,23 +129,11 @@ def adapter():
 
 
 def read_bytes(far: int, count: int) -> bytes:
-    """As read_until, of the adapter's end; less than `count` when no more comes for 2 s."""
+    """Of the adapter's end, as they come; less than `count` when no more comes for 2 s."""
     data = b""
     while len(data) < count and select.select([far], [], [], 2.0)[0]:
         data += os.read(far, 100)
     return data
-
-
-def read_until(bus, count: int) -> list[Frame]:
-    """Frames as they come: the kernel carries bytes across a pseudo-terminal in its own time."""
-    frames: list[Frame] = []
-    done = threading.Event()
-    for _ in range(2000):
-        frames += bus.read()
-        if len(frames) >= count:
-            break
-        done.wait(0.002)
-    return frames
 
 
 @pytest.mark.parametrize(("code", "advice"), [(errno.EAFNOSUPPORT, "modprobe can_raw"), (errno.ENODEV, "how-to/buses")])
@@ -177,7 +157,7 @@ def test_slcan_speaks_the_adapters_lines(adapter, clock) -> None:
     assert read_bytes(far, len(lines)) == lines
     assert bus.read() == []                                # nothing there: returns at once
     os.write(far, b"t02980000C03F00000040\rT070E07C56006000000040\r" * 25)
-    received = read_until(bus, 50)
+    received = gather(bus, 50)
     assert len(received) == 50
     assert received[0] == Frame(0, 0x29, bytes.fromhex("0000C03F00000040"))
     assert received[49] == Frame(0, 0x070E07C5, bytes.fromhex("006000000040"), True)
@@ -286,7 +266,6 @@ class _Failing:
 
 
 HELLO = Frame(7, 0x21, bytes(8))
-PATIENCE_S = 20.0
 
 
 def lost(detail: str) -> LinkLost:
@@ -343,16 +322,6 @@ class Bench:
         return what
 
 
-def eventually(true) -> None:
-    """Wait until it is: threads take the time that they take."""
-    pause = threading.Event()
-    for _ in range(int(PATIENCE_S / 0.005)):
-        if true():
-            return
-        pause.wait(0.005)
-    raise AssertionError("it never came")
-
-
 def why_lost(bus: can_bus.SupervisedBus) -> str:
     try:
         bus.read()
@@ -364,9 +333,9 @@ def why_lost(bus: can_bus.SupervisedBus) -> str:
 benches = closed_after(Bench, "clock")
 
 
-def gather(bus: can_bus.SupervisedBus, count: int) -> list[Frame]:
+def gather(bus: can_bus.CanBus | can_bus.SupervisedBus, count: int) -> list[Frame]:
     frames: list[Frame] = []
-    eventually(lambda: frames.extend(bus.read()) or len(frames) >= count)
+    wait_until(lambda: frames.extend(bus.read()) or len(frames) >= count)
     return frames
 
 
@@ -374,7 +343,7 @@ def test_a_bus_with_a_name_may_come_later(benches) -> None:
     adapter = Adapter()
     bench = benches(lost("not plugged in"), lost("not plugged in"), adapter, name="CAN slcan 0")
     assert bench.bus.name == "CAN slcan 0" and "not plugged in" in why_lost(bench.bus)
-    eventually(lambda: bench.bus.lost is None)
+    wait_until(lambda: bench.bus.lost is None)
     assert bench.bus.write(Frame(0, 1, b"")) and adapter.sent
     with pytest.raises(LinkLost):
         benches(lost("not plugged in"))
@@ -392,12 +361,12 @@ def test_lost_and_back_again_without_a_restart(benches, trouble: Exception, word
     first.coming.put(HELLO)
     gather(bench.bus, 1)
     first.coming.put(trouble)
-    eventually(lambda: why_lost(bench.bus))
+    wait_until(lambda: why_lost(bench.bus))
     assert first.closed and why_lost(bench.bus) in (words, "CAN test 0: no such device")
     with pytest.raises(LinkLost, match="CAN test 0"):
         bench.bus.write(HELLO)
     bench.drawer.append(second)
-    eventually(lambda: not why_lost(bench.bus))
+    wait_until(lambda: not why_lost(bench.bus))
     assert [fault.code for fault in bench.bus.faults()] == [CAN_REOPENED.name]
     assert bench.bus.write(HELLO) and second.sent == [HELLO]       # whoever must be asked can be asked
     second.coming.put(HELLO)
@@ -411,7 +380,7 @@ def test_a_write_that_finds_the_bus_gone_has_it_opened_again(benches) -> None:
     first.dead = True
     with pytest.raises(LinkLost, match="cannot write"):
         bench.bus.write(HELLO)
-    eventually(lambda: bench.opened == 3 and not why_lost(bench.bus))
+    wait_until(lambda: bench.opened == 3 and not why_lost(bench.bus))
     assert first.closed and bench.bus.write(HELLO) and second.sent == [HELLO]
 
 
@@ -421,8 +390,8 @@ def test_silence_is_a_loss(benches, clock) -> None:
     first.coming.put(HELLO._replace(t_ns=0))
     gather(bench.bus, 1)
     clock.t_ns = can_bus.SILENT_NS
-    eventually(lambda: first.closed)
-    eventually(lambda: bench.opened == 2 and not why_lost(bench.bus))
+    wait_until(lambda: first.closed)
+    wait_until(lambda: bench.opened == 2 and not why_lost(bench.bus))
     (fault,) = bench.bus.faults()
     assert fault == CAN_REOPENED(bus="CAN test 0", cause=CAN_SILENT(bus="CAN test 0", silence_s=1.0))
 
@@ -445,7 +414,7 @@ def test_pauses_grow_until_something_is_heard(benches) -> None:
     mute.coming.put(lost("unplugged"))             # opened, and lost again before a word was heard
     third.coming.put(HELLO)
     gather(bench.bus, 1)
-    eventually(lambda: bench.opened == 10)
+    wait_until(lambda: bench.opened == 10)
     growing = list(itertools.islice(make_pauses_s(can_bus.FIRST_S, can_bus.LONGEST_S), 8))
     assert [pauses_s for pauses_s in taken if pauses_s] == [growing, [can_bus.FIRST_S]]
 
@@ -455,7 +424,7 @@ def test_what_the_tick_comes_too_late_for_is_counted_and_is_a_fault(benches) -> 
     bench = benches(adapter, room=10)
     for t_ns in range(15):
         adapter.coming.put(HELLO._replace(t_ns=t_ns))
-    eventually(lambda: bench.tally["frames lost to overrun"] == 5)
+    wait_until(lambda: bench.tally["frames lost to overrun"] == 5)
     assert bench.bus.faults() == [CAN_OVERRUN(bus="CAN test 0", frames=5)]
     assert [frame.t_ns for frame in bench.bus.read()] == list(range(10)) and bench.bus.faults() == []
     assert can_bus.ROOM >= 2000                                    # a second and more of a busy bus
@@ -477,12 +446,12 @@ def test_a_serial_adapter_pulled_out_and_put_back(tmp_path) -> None:
     bus = can_bus.SupervisedBus(
         lambda: can_bus.open_can("slcan", str(plug), 1_000_000, clock, can_bus.WAIT_S, tally), clock, tally)
     for said in (b"\x01", b"\x02"):
-        eventually(lambda plugged=adapter: plugged.read() is not None and plugged.is_open)
+        wait_until(lambda plugged=adapter: plugged.read() is not None and plugged.is_open)
         adapter.write(Frame(0, 0x21, said))
         assert [frame.data for frame in gather(bus, 1)] == [said] and bus.faults() == []
         plug.unlink()                 # first: a test beside this one may be given the terminal next
         adapter.close()
-        eventually(lambda: why_lost(bus))
+        wait_until(lambda: why_lost(bus))
         assert str(plug) in why_lost(bus)
         adapter = SlcanAdapter(PtyCable(prompt=False))
         plug.symlink_to(adapter.port)

@@ -71,8 +71,7 @@ THEIRS = {
                                           "committed": "flags_commit_success"}),
     "SETTING_COMMAND": ("setting_command", {"command": "control_flag", "setting": "setting_index"}),
     "SET_SETTING": ("set_setting", {"setting": "address", "value": "value",
-                                    "ephemeral": "setting_flags_ephemeral"}),
-}
+                                    "ephemeral": "setting_flags_ephemeral"})}
 
 
 @pytest.fixture(scope="module")

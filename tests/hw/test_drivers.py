@@ -26,8 +26,7 @@ FAMILIES = {
     "spark": lambda: SparkMotor(SPARK, DcMotor(2.45, 612.5, 12.25), SparkHeartbeat(), {}),
     "another's odrive": lambda: HeardMotor("its controller", odrive.frame_ids(ODRIVE), False,
                                            partial(odrive.parse, ODRIVE)),
-    "another's spark": lambda: HeardMotor("its controller", spark.frame_ids(SPARK), True, partial(spark.parse, SPARK)),
-}
+    "another's spark": lambda: HeardMotor("its controller", spark.frame_ids(SPARK), True, partial(spark.parse, SPARK))}
 
 
 def frame(family, t_ns, position_rad, velocity_rad_s):

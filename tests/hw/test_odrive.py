@@ -44,9 +44,7 @@ def test_command_bytes() -> None:
 
 
 @given(axis=axes, position=st.floats(-1e5, 1e5, width=32), velocity=st.floats(-500.0, 500.0, width=32))
-def test_encoder_estimates_become_radians_in_the_robots_sign(
-    axis: OdriveAxis, position: float, velocity: float
-) -> None:
+def test_encoder_estimates_become_radians_in_the_robots_sign(axis, position, velocity):
     reading = odrive.parse(axis, frame(axis, 0x09, struct.pack("<ff", position, velocity)), MotorReading())
     assert reading.t_ns == 7
     assert reading.position_rad == pytest.approx(axis.direction * TURN * position)
@@ -72,8 +70,7 @@ def test_answers_and_foreign_frames() -> None:
         odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x54, 0x02, 0, 2])), closed)
     axis = OdriveAxis(2, 1)
     reading = odrive.parse(axis, frame(axis, 0x03, struct.pack("<II", 0x200, 0x02000000)), MotorReading())
-    assert odrive.errors_of(reading.axis_error) == (hw.ERROR_DC_BUS_UNDER_VOLTAGE(),
-                                                     hw.ERROR_ESTOP_REQUESTED())
+    assert odrive.errors_of(reading.axis_error) == (hw.ERROR_DC_BUS_UNDER_VOLTAGE(), hw.ERROR_ESTOP_REQUESTED())
     assert odrive.errors_of(0x80000000) == (hw.ERROR_BITS(bits=0x80000000),)
     assert odrive.errors_of(0) == ()
     axis = OdriveAxis(2, 1)
@@ -119,8 +116,7 @@ THEIRS = {
     "Get_Iq": {"setpoint_a": "Iq_Setpoint", "measured_a": "Iq_Measured"},
     "Get_Temperature": {"inverter_degc": "FET_Temperature", "motor_degc": "Motor_Temperature"},
     "Get_Bus_Voltage_Current": {"bus_v": "Bus_Voltage", "bus_a": "Bus_Current"},
-    "Clear_Errors": {"identify": "Identify"},
-}
+    "Clear_Errors": {"identify": "Identify"}}
 RESERVED = {"RxSdo": {"Reserved": 0}, "TxSdo": {"Reserved0": 0, "Reserved1": 0}}
 
 

@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.waiting import wait_until
 from truearc.hw.fault_codes import CAMERA_NOT_OPENED, PIPE_ENDED, PROCESS_ENDED, PROCESS_KILLED
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real import processes as module
@@ -51,13 +52,6 @@ def once(line, is_first):
     line.say(None if is_first else NOT_AGAIN)
 
 
-def until(true, limit_s=20.0):
-    end = time.monotonic() + limit_s
-    while not true() and time.monotonic() < end:
-        time.sleep(0.005)
-    assert true()
-
-
 def test_it_works_until_closed_and_why_it_cannot_start_is_told():
     child = Child("test", wait_over, (), restarts=False, mortal=True)
     assert child.trouble
@@ -73,10 +67,10 @@ def test_it_works_until_closed_and_why_it_cannot_start_is_told():
     child = Child("test", fall, (), restarts=False, mortal=False)
     with pytest.raises(LinkLost, match=r"the test process ended \(exit code 3\)"):
         child.wait()
-    until(child.is_gone)
+    wait_until(child.is_gone)
     child.close(10.0)
     child = Child("test", once, (), restarts=True, mortal=True)
-    until(lambda: child.trouble == NOT_AGAIN)
+    wait_until(lambda: child.trouble == NOT_AGAIN)
     child.close(10.0)
     pauses = make_pauses_s(module.FIRST_S, module.LONGEST_S)
     assert [next(pauses) for _ in range(6)] == pytest.approx([0.2, 0.4, 0.8, 1.6, 3.2, 5.0])
@@ -88,9 +82,9 @@ def test_one_that_is_killed_is_told_at_once_and_started_again():
     child.wait()
     first = child.pid
     os.kill(first, signal.SIGKILL)
-    until(lambda: child.trouble, 1.0)
+    wait_until(lambda: child.trouble, 1.0)
     assert child.trouble == PROCESS_KILLED(process="test", signal=9)
-    until(lambda: not child.trouble)
+    wait_until(lambda: not child.trouble)
     assert child.pid != first and child.starts == 2 and not child.is_gone()
     child.close(10.0)
 
@@ -137,7 +131,7 @@ def test_it_does_not_outlive_a_parent_that_was_killed(work, mortal, tmp_path):
                             env=os.environ | {"PYTHONPATH": str(ROOT)}, timeout=60.0)
     assert parent.returncode == -signal.SIGKILL, parent.stderr
     pid = int(parent.stdout)
-    until(lambda: not is_running(pid))
+    wait_until(lambda: not is_running(pid))
 
 
 def is_running(pid):

@@ -148,8 +148,7 @@ THEIRS = {
                             "feedforward_is_duty": "ARBITRARY_FEEDFORWARD_UNITS"},
     "SET_STATUSES_ENABLED": {"mask": "MASK", "enabled": "ENABLED_BITFIELD"},
     "SET_STATUSES_ENABLED_RESPONSE": {"result": "RESULT_CODE", "mask": "SPECIFIED_MASK", "enabled": "ENABLED_BITFIELD"},
-    "CLEAR_FAULTS": {},
-}
+    "CLEAR_FAULTS": {}}
 BITS = {"faults": ("OTHER_FAULT", "MOTOR_TYPE_FAULT", "SENSOR_FAULT", "CAN_FAULT", "TEMPERATURE_FAULT", "DRV_FAULT",
                    "ESC_EEPROM_FAULT", "FIRMWARE_FAULT"),
         "warnings": ("BROWNOUT_WARNING", "OVERCURRENT_WARNING", "ESC_EEPROM_WARNING", "EXT_EEPROM_WARNING",

@@ -30,10 +30,6 @@ def limits(velocity_rad_s: float, current_a: float) -> Frame:
     return odrive.make(LEFT, "Set_Limits", values)
 
 
-def clear_sticky() -> Frame:
-    return canandmag.make(ENCODER, "CLEAR_STICKY_FAULTS", {})
-
-
 class Bench:
     """A robot's end of the bus, with the devices at the other."""
 
@@ -116,15 +112,13 @@ def test_a_lost_magnet_sticks_until_cleared(bench) -> None:
     bench.run(21)
     status = [frame.data[:2] for frame in bench.log if frame.arbitration_id == 0x070E0185]
     assert status[0] == bytes([0x20, 0x21]) and status[-1] == bytes([0x00, 0x21])
-    bench.send(clear_sticky())
+    bench.send(canandmag.make(ENCODER, "CLEAR_STICKY_FAULTS", {}))
     bench.run(21)
     assert [frame.data[:2] for frame in bench.log if frame.arbitration_id == 0x070E0185][-1] == bytes(2)
 
 
 @pytest.mark.parametrize(("axis", "motor"), [(LEFT, "flywheel_a"), (RIGHT, "flywheel_b")])
-def test_torque_turns_the_motor_the_robots_way_whatever_the_devices_sign(
-    bench, plant, axis: OdriveAxis, motor: str
-) -> None:
+def test_torque_turns_the_motor_the_robots_way_whatever_the_devices_sign(bench, plant, axis, motor):
     bench.arm(axis)
     bench.run(100, odrive.make_torque(axis, 0.4))           # 0.5 s at 400 rad/s2, from the first advance on
     assert plant.velocity_rad_s[motor] == pytest.approx(200.0)

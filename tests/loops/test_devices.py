@@ -13,7 +13,6 @@ from tests.robot.good_tick import CONFIG as LAUNCHER
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS
 from truearc.hw import fault_codes as hw
 from truearc.robot import reasons as bot
-from truearc.robot.config.schema import Config
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import replay, replay_frames
 from truearc.robot.recording.session import load_trials
@@ -32,8 +31,7 @@ NOT_A_NUMBER = struct.pack("<f", float("nan"))
     (SPARK_HOOD, 0.15, None), (SPARK_WHEELS, 0.15, None), (ALL_SPARK, 0.15, None), (NONE, 0.15, 0.6),
     (SPARK, 0.35, 0.6), (SPARK_OWN, 0.35, 0.6), (ODRIVE, 0.15, 0.6), (COUNTING, 0.15, 0.6), (NT4, 0.15, 0.6)],
     ids=["hood", "wheels", "all", "none", "spark", "spark-own", "odrive", "counting", "nt4"])
-def test_a_session_is_shot_and_replays_to_the_bit(tmp_path: Path, config: Config, within_deg: float,
-                                                  hood_sd_deg: float | None) -> None:
+def test_a_session_is_shot_and_replays_to_the_bit(tmp_path, config, within_deg, hood_sd_deg):
     result, = emulate(config, tmp_path / "s", trials=1, seed=3)
     trial, = load_trials(tmp_path / "s")
     assert trial.outcome.outcome in (result.outcome, "rejected") and trial.shot is not None
@@ -75,10 +73,8 @@ def test_a_session_is_shot_and_replays_to_the_bit(tmp_path: Path, config: Config
     (ODRIVE, "hood_encoder", Fault(OVERWRITTEN, HOMED, FOREVER, ESTIMATES, at=0, data=NOT_A_NUMBER),
      says(bot.BAD_FRAME, cause=says(hw.FRAME_VALUE, value="nan"))),
     (ODRIVE, "hood_encoder", Fault(STUCK, HOMED, FOREVER), says(bot.HOOD_ENCODERS_DISAGREE)),
-    (COUNTING, "hood_encoder", Fault(UNPOWERED, HOMED, HOMED + SECOND // 10), says(bot.HOOD_ENCODERS_DISAGREE)),
-])
-def test_a_device_that_fails_is_a_hold_that_says_why(tmp_path: Path, config: Config, device: str, fault: Fault,
-                                                     signs) -> None:
+    (COUNTING, "hood_encoder", Fault(UNPOWERED, HOMED, HOMED + SECOND // 10), says(bot.HOOD_ENCODERS_DISAGREE))])
+def test_a_device_that_fails_is_a_hold_that_says_why(tmp_path, config, device, fault, signs):
     homes_first = device == "hood_encoder" and config is not LAUNCHER
     config = replace(config, gate=replace(config.gate, request_s=5.0 if homes_first else 2.0))
     results = emulate(config, tmp_path / "s", trials=1 if homes_first else 2, seed=5,

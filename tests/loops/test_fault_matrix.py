@@ -62,8 +62,7 @@ def test_a_fault_on_vcan0_in_stepped_time(name: str, tmp_path: Path) -> None:
     assert not result.wrong and result.stale == 0, result
 
 
-def test_each_key_that_advice_needs_freezes_jumps_and_disappears(monkeypatch: pytest.MonkeyPatch,
-                                                                 tmp_path: Path) -> None:
+def test_each_key_that_advice_needs_freezes_jumps_and_disappears(monkeypatch, tmp_path):
     troubles = {(row.breaking.key, row.breaking.what) for row in ROWS if isinstance(row.breaking, Key)}
     for key in (*WELL, POSE, "/Drive/Speeds"):
         assert {what for named, what in troubles if named == key} >= {"freezes", "jumps", "disappears"}

@@ -60,16 +60,6 @@ def test_the_operators_button_ends_it(tmp_path, capsys):
     assert "released by the operator" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    ([], "give --config"), (["--emulate"], "needs --out"), (["--config", "nowhere.toml"], "nowhere.toml"),
-    (["--csv", "nowhere.csv"], "nowhere.csv"), (["--emulate", "--out", "x", "--seed", "-1"], "--seed: got -1"),
-    (["--csv", "a.csv", "-o", "no/such/gains.toml"], "no such directory"),
-])
-def test_bad_input_is_exit_2_with_a_name(arguments, words, capsys):
-    assert main(["sysid", *arguments]) == 2
-    assert words in capsys.readouterr().err
-
-
 @pytest.fixture
 def handlers():
     """The door takes over Ctrl-C; give it back."""

@@ -9,7 +9,6 @@ import shutil
 import signal
 import threading
 import time
-from http.client import HTTPConnection
 from pathlib import Path
 
 import msgspec
@@ -21,6 +20,7 @@ from benchmarks.real_robot import PATIENT, WATCHDOG_MS, begin, save_config
 from tests.faulty_robot import parts_with
 from tests.hw.host_speed import excuse_stalls
 from tests.robot.good_tick import CONFIG as CONFIGURATION
+from tests.waiting import SetClock, ask
 from truearc.cli.gate import make_command
 from truearc.cli.main import main
 from truearc.errors import InputError
@@ -205,16 +205,7 @@ def test_a_far_end_that_cannot_be_had_is_named(bus: str) -> None:
 
 
 def test_a_world_keeps_time_and_stands_still_where_the_machine_did() -> None:
-    class Clock:
-        t_ns = 0
-
-        def now_ns(self) -> int:
-            return self.t_ns
-
-        def sleep_until_ns(self, t_ns: int) -> None:
-            self.t_ns = max(self.t_ns, t_ns)
-
-    clock, moments = Clock(), []
+    clock, moments = SetClock(), []
 
     def advance(t_ns: int) -> None:
         moments.append((t_ns, clock.t_ns))
@@ -232,15 +223,13 @@ def test_session_is_the_same_while_the_page_asks_the_gate(tmp_path):
     page = open_page("0", CONFIGURATION, "first", MonotonicClock(), make_command(GATE, CONFIGURATION))
     over, answered = threading.Event(), []
 
-    def ask():
+    def ask_on():
         body = json.dumps({"distance_m": [2.0, 5.0, 8.0], "motor_ratio": [0.5] * 100, "hood_deg": 50.0})
+        port = int(page.url.rstrip("/").rpartition(":")[2])
         while not over.wait(0.02):
-            line = HTTPConnection("127.0.0.1", int(page.url.rstrip("/").rpartition(":")[2]), timeout=20)
-            line.request("POST", "/predict", body, {"Content-Type": "application/json"})
-            answered.append(line.getresponse().status)
-            line.close()
+            answered.append(ask(port, "/predict", "POST", body, {"Content-Type": "application/json"})[0])
 
-    asking = threading.Thread(target=ask, daemon=True)
+    asking = threading.Thread(target=ask_on, daemon=True)
     asking.start()
     began = time.monotonic()
     emulate(CONFIGURATION, tmp_path / "first", trials=1, seed=3, gate_path=GATE, page=page)

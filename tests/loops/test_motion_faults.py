@@ -168,8 +168,7 @@ CASES = {
     "hood at its speed limit": Case(((SET_RAD_S, 20.0), (SET_RAD_S, 70.0))),
     "armed again while the wheels coast": Case(((520.0, 45.0), (400.0, 45.0), (250.0, 45.0)), arms_again=True),
     "speeds noisy, armed again, no target for a time": Case(world="speeds are noisy", arms_again=True, is_hidden=True,
-                                                            is_shot=False),
-}
+                                                            is_shot=False)}
 
 
 class Watcher:

@@ -13,8 +13,8 @@ import pytest
 import truearc.cli.main as truearc
 from tests.sim.gate.plausible import make_season
 from tests.sim.gate.worlds import BELIEF, make_shots
+from tests.sim.physics.rigs import GUPPY
 from truearc.model_export.graph import export_weights
-from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.robot.gate import FEATURES, Ratings, load_gate
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset, load_dataset, save_dataset
@@ -24,8 +24,6 @@ from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.belief import Belief
 from truearc.sim.paper.network import domain_of
 
-RIG = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
-                                                            Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))
 COEFFICIENTS = 'schema = "truearc.coefficients/1"\n[drag]\ncd = 0.91\n[magnus]\ncl = 0.06\n'
 
 
@@ -39,7 +37,7 @@ def make_recorded(count: int) -> Dataset:
     speed = np.sqrt(9.81 * distance**2 / (2 * np.cos(theta) ** 2 * rise))
     ratio = np.minimum(speed / (594.0 * (0.0508 + 0.5625 * 0.0349) / 2), 1.0)
     outcome = tuple(("three", "two", "miss")[row % 3] for row in range(count))
-    return Dataset("real", RIG, Shots(tuple(f"s{row}" for row in range(count)), {
+    return Dataset("real", GUPPY, Shots(tuple(f"s{row}" for row in range(count)), {
         "distance_m": distance, "motor_ratio": ratio, "hood_deg": hood}, {"outcome": outcome}))
 
 
@@ -60,7 +58,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_simulated_dataset_is_a_dataset(home: Path) -> None:
     dataset = load_dataset(home / "sim")
     assert sorted(map(dataset.shots.text("outcome").count, ("miss", "two", "three"))) == [30, 30, 30]
-    assert dataset.facts == RIG
+    assert dataset.facts == GUPPY
     assert (home / "sim" / "coefficients.toml").read_text() == COEFFICIENTS
 
 
@@ -144,16 +142,16 @@ def test_bad_input_is_named(home: Path, tmp_path: Path, capsys: pytest.CaptureFi
                                                    "0", "--patience", "9", "-o", f"{tmp_path}/w")
     assert "truearc train" in refusal(capsys, "export", f"{tmp_path}/none", "-o", f"{tmp_path}/x.onnx")
     unjudged = make_recorded(9)
-    save_dataset(tmp_path / "unjudged", Dataset("x", RIG, Shots(unjudged.shots.shot_id, unjudged.shots.numbers, {})))
+    save_dataset(tmp_path / "unjudged", Dataset("x", GUPPY, Shots(unjudged.shots.shot_id, unjudged.shots.numbers, {})))
     said = refusal(capsys, "paper", "train", "--real", f"{tmp_path}/unjudged", "-o", f"{tmp_path}/w")
     assert f"nothing to train on; {tmp_path}/unjudged/shots.csv: 9 of 9 shots left out: no outcome" in said
     numbers = {name: column for name, column in unjudged.shots.numbers.items() if name != "motor_ratio"}
-    save_dataset(tmp_path / "gap", Dataset("x", RIG, Shots(unjudged.shots.shot_id, numbers, {})))
+    save_dataset(tmp_path / "gap", Dataset("x", GUPPY, Shots(unjudged.shots.shot_id, numbers, {})))
     assert "motor_ratio" in refusal(capsys, "predict", "--gate", f"{home}/weights.onnx", f"{tmp_path}/gap", "-o",
                                     f"{tmp_path}/out.csv")
     assert not (tmp_path / "out.csv").exists()
     judged = Shots(unjudged.shots.shot_id, numbers, {"outcome": ("two",) * 9})
-    save_dataset(tmp_path / "flat", Dataset("x", RIG, judged))
+    save_dataset(tmp_path / "flat", Dataset("x", GUPPY, judged))
     said = refusal(capsys, "paper", "train", "--real", f"{tmp_path}/flat", "-o", f"{tmp_path}/w")
     assert f"{tmp_path}/flat/shots.csv: 9 of 9 shots left out: no motor_ratio" in said
     assert "-n is 1" in refusal(capsys, "paper", "synth", "--quiet", "--rig", f"{home}/real/rig.toml", "--coefficients",
@@ -238,8 +236,7 @@ def test_any_season_can_be_exported(seed: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_domain_that_is_narrowed_is_said_with_the_settings_outside(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_domain_that_is_narrowed_is_said_with_the_settings_outside(tmp_path, capsys, monkeypatch):
     """Season 2 fitted by drag alone: 3, six times a ball's, for which some of its shots stall. Higher degrees, which
     cost ten times as much, might follow even that."""
     monkeypatch.setattr(train, "DEGREES", train.DEGREES[:1])

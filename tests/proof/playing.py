@@ -14,8 +14,6 @@ import msgspec
 from truearc.cli.main import main
 from truearc_proof.rounds import Entry, Room, append, canonical, digest, read_ledger, solver
 
-# --- playing
-
 ARGUMENTS = ["--worlds", "3", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3", "--processes", "1"]
 
 
@@ -37,8 +35,6 @@ def prove(root: Path, *more: str) -> subprocess.CompletedProcess[str]:
         code = main(["prove", *more, "--out", str(root)])
     return subprocess.CompletedProcess([*more], code, out.getvalue(), err.getvalue())
 
-
-# --- forging
 
 def chain_anew(room: Room, entries: Iterable[Entry]) -> None:
     """A ledger of these entries, whole and consistent."""

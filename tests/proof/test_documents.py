@@ -40,11 +40,8 @@ from truearc_proof.rounds.marks import Mark
 from truearc_proof.rounds.solver import solver_id
 from truearc_proof.rounds.worlds import Drawn, make_data
 
-# --- documents
-
 PLAIN = st.recursive(st.none() | st.booleans() | st.integers(-10**9, 10**9) | st.text(max_size=8)
-                     | st.floats(allow_nan=False, allow_infinity=False),
-                     lambda inner: (st.lists(inner, max_size=3)
+                     | st.floats(allow_nan=False, allow_infinity=False), lambda inner: (st.lists(inner, max_size=3)
                                     | st.dictionaries(st.text(max_size=5), inner, max_size=3)), max_leaves=8)
 WORLDS = st.dictionaries(st.text(max_size=5), PLAIN, max_size=4)
 
@@ -181,8 +178,6 @@ def test_claims_that_cannot_be_read_are_refused(tmp_path: Path, change: dict[str
         asked_of(room, "w1")
 
 
-# --- file lock
-
 def test_a_second_writer_is_told_so_and_the_lock_goes_with_its_holder(tmp_path: Path) -> None:
     program = ("from pathlib import Path; from truearc_proof.rounds import alone\n"
                f"with alone(Path({str(tmp_path)!r})): pass")
@@ -191,8 +186,6 @@ def test_a_second_writer_is_told_so_and_the_lock_goes_with_its_holder(tmp_path: 
         assert "is being played by another process" in done.stderr
     subprocess.run([sys.executable, "-c", program], check=True)
 
-
-# --- somebody else's world
 
 DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "challenge.md"
 WIND: dict[str, Any] = {"kind": "one", "effects": {"wind_x": 2.0}}
@@ -221,8 +214,7 @@ def seal(folder: Path, truth: dict[str, Any], data: Path) -> str:
     ({"kind": "one", "effects": {"wind_x": 0.0}}, "wind_x: 0 is nothing"),
     ({"kind": "one", "effects": ["wind_x"]}, r"effects"),
     ({"effects": {"wind_x": 1.0}}, "kind")])
-def test_a_truth_that_can_never_be_marked_is_refused_by_file_and_key(tmp_path: Path, shots: Path,
-                                                                     truth: dict[str, Any], said: str) -> None:
+def test_a_truth_that_can_never_be_marked_is_refused_by_file_and_key(tmp_path, shots, truth, said):
     with pytest.raises(InputError, match=rf"truth\.json: .*{said}"):
         seal(tmp_path, truth, shots)
     assert not (tmp_path / "round").exists()
@@ -244,8 +236,7 @@ def test_reserved_names_too_few_shots_and_nothing_to_believe_are_refused(tmp_pat
         seal(tmp_path, WIND, tmp_path / "blank")
 
 
-def test_a_kill_between_the_ledger_and_the_data_is_made_good_with_the_sealed_data_alone(tmp_path: Path,
-                                                                                         shots: Path) -> None:
+def test_a_kill_between_the_ledger_and_the_data_is_made_good_with_the_sealed_data_alone(tmp_path, shots):
     room = Room(tmp_path / "round")
     told = seal(tmp_path, WIND, shots)
     shutil.rmtree(room.data("challenge"))        # entered, and not given away yet
@@ -327,8 +318,7 @@ def choose_data(room: Room) -> str:
     save_seal(room.seal("w0001"), seal)
     claims = msgspec.json.decode(room.claims("w0001").read_bytes())
     room.claims("w0001").write_bytes(canonical({**claims, "data": seal.data}))
-    enter_otherwise(room, "w0001", {"sealed": seal.commitment,
-                                    "claimed": digest(room.claims("w0001").read_bytes())})
+    enter_otherwise(room, "w0001", {"sealed": seal.commitment, "claimed": digest(room.claims("w0001").read_bytes())})
     return "shots.csv: was changed"
 
 

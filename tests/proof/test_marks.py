@@ -18,8 +18,6 @@ from truearc_proof.rounds.page import claimed_bins, make_proof_page, verdict
 from truearc_proof.rounds.tables import kept_in_test, make_tables, posterior_rows
 from truearc_proof.rounds.worlds import ALIKE, DECOY, DIRTS, PARAMETER, Drawn, names_at, read_off
 
-# --- score world
-
 ONE = Drawn("w1", "numpy", "one", "L1", 300, 1, {"wind_x": 2.0}, (), "", {"wind_x": 20.0})
 
 
@@ -93,8 +91,7 @@ def test_two_changes_of_a_robot_are_both_right_when_each_has_one_of_its_names() 
     ("L1", "release_height", "distance_bias", "sensing", False),
     ("L2", "camera_scale", "distance_scale", "sensing", True),
     ("L2", "camera_scale", "release_height", "launch", False)])
-def test_any_name_of_a_class_is_right_of_a_robots_alias(level: str, change: str, name: str, stage: str,
-                                                       right: bool) -> None:
+def test_any_name_of_a_class_is_right_of_a_robots_alias(level, change, name, stage, right):
     told = mark(robot("alias", change, level), finding((name, 0.95), stage=stage), Measured())
     assert (told.first, told.stage, told.covered, told.right) == (right, right, right, ALIKE[level])
 
@@ -169,8 +166,6 @@ def test_the_page_says_all_in_a_sentence_and_holds_every_world_and_line() -> Non
     assert page.count("data:image/png") == 3 and "wind_x" in page and "abababababababab" in page
 
 
-# --- score finding
-
 JOB = Job("effects", "hood_offset", "L1", 300, 1.0, 7, 0)
 SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
 
@@ -234,8 +229,6 @@ def test_amplitudes_take_turns_in_sign_where_nature_is_free():
     assert {amount_of(Job("effects", "spin_decay", "L2", 300, 1.0, 7, index)) for index in range(4)} == {0.6}
 
 
-# --- instruments
-
 @pytest.mark.parametrize("tool", TOOLS)
 def test_a_tool_is_what_discovery_proposes_for_its_terms(tool: str) -> None:
     assert {term.name for term in TERMS if term.instrument and term.instrument.id == tool} == set(TOOLS[tool])
@@ -255,8 +248,6 @@ def test_readings_scatter_about_the_truth_by_their_stated_error(tool: str) -> No
         assert {one[term]["sd"] for one in readings} == {sd}
     assert readings[3] == read_off(tool, {name: amount}, 3)
 
-
-# --- report
 
 ALLOWED = Measured((0.28, 0.2, 0.25, 0.26), (DECOY,), 0.4)
 SLIP, WIND = ["wheel_slip"], ["wind_x"]

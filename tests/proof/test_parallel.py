@@ -16,8 +16,6 @@ from truearc_proof import parallel as jsonl_store
 from truearc_proof.parallel import append_line, fan_out, fill, lines_of, mend
 from truearc_proof.rounds import Room, archive
 
-# --- parallel
-
 JOBS = list(range(12))
 
 
@@ -81,8 +79,6 @@ def test_an_exception_of_a_job_is_raised_as_it_is_and_what_is_there_is_kept():
     with pytest.raises(ValueError, match="job 11 is wrong"):
         fan_out(fail_late, JOBS, workers=2)
 
-
-# --- jsonl store
 
 def test_a_torn_line_costs_itself_alone(tmp_path: Path, capsys) -> None:
     path = tmp_path / "worlds.jsonl"

@@ -34,14 +34,6 @@ def test_every_world_is_sealed_claimed_opened_and_marked_in_that_order(room: Roo
     assert (room.ledger.read_bytes(), room.grades.read_bytes()) == before      # never marked twice
 
 
-def test_marks_are_about_what_was_sealed(done: Room) -> None:
-    for one in graded_of(done):
-        sealed = load_seal(done.seal(one.world)).world
-        claims = msgspec.json.decode(done.claims(one.world).read_bytes())
-        assert (one.first.kind, one.first.hidden) == (sealed["kind"], tuple(sealed["effects"]))
-        assert one.first.found == claims["finding"]["mismatch"]["found"]
-
-
 def test_rivals_without_tracks_are_refused(room: Room) -> None:
     early = prove(room.root.parent / "new", "--level", "L1", "--rivals", "gp", "--seed", "1")
     assert early.returncode == 2 and "--rivals" in early.stderr and not (room.root.parent / "new").exists()
@@ -151,8 +143,6 @@ for attempt in (lambda: open("keeper/seal.json"), lambda: open("way_round"), lam
     assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "keeper" / "seal.json").exists()
 
-
-# --- tampering
 
 def change(path: Path, was: bytes, becomes: bytes) -> Path:
     whole = path.read_bytes()
@@ -271,8 +261,6 @@ def test_where_second_claims_are_withheld_the_first_are_marked(room: Room) -> No
     assert list(marks) == ["w0001", "w0002", "w0003"] and marks["w0002"].again is None
 
 
-# --- both engines, checked by a stranger
-
 ARGUMENTS = ["--worlds", "4", "--level", "L1", "--shots", "24", "--engines", "numpy,mujoco", "--seed", "26",
              "--follow-up", "--processes", "1"]
 
@@ -298,8 +286,10 @@ def test_every_world_of_either_engine_is_sealed_before_and_opened_after_it_is_cl
 
 def test_marks_follow_from_claims_and_seals(both: Room) -> None:
     for mark in (one.first for one in graded_of(both)):
-        claims = msgspec.json.decode(both.claims(mark.world).read_bytes())
-        assert mark.found == (claims["finding"]["mismatch"]["p_value"] < 0.05)
+        sealed = load_seal(both.seal(mark.world)).world
+        found = msgspec.json.decode(both.claims(mark.world).read_bytes())["finding"]["mismatch"]
+        assert mark.kind == sealed["kind"] and mark.found == found["found"] == (found["p_value"] < 0.05)
+        assert mark.engine == MUJOCO or mark.hidden == tuple(sealed["effects"])
         assert mark.allowed is None or 0.0 <= mark.allowed[0] <= 1.0
         assert (mark.off_m is not None) == mark.found          # adopted beliefs are put to the sealed season
 
@@ -320,8 +310,6 @@ def test_a_stranger_makes_data_claims_and_marks_again(both: Room, tmp_path: Path
                  "--processes", "1")
     assert done.returncode == 0 and "solved again from the data alone, and the same claimed" in done.stdout, done.stderr
 
-
-# --- one world
 
 ONE_WORLD = ["--worlds", "1", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3"]
 

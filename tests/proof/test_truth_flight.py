@@ -117,8 +117,7 @@ def test_the_ball_rolls_between_its_wheels_less_what_is_lost():
 # of those in no catalogue; the last tests here hold the others against the catalogue's terms
 SPEED = {
     "far_kick": lambda plan, size: 1.0 + size * (plan.distance_m - 4.5) / 2.5,
-    "cold_rubber": lambda plan, size: 1.0 + size * (plan.temperature_c - 20.0) / 10.0,
-}
+    "cold_rubber": lambda plan, size: 1.0 + size * (plan.temperature_c - 20.0) / 10.0}
 
 
 @pytest.mark.parametrize("name", SPEED)

@@ -14,8 +14,6 @@ from truearc_proof.truth.flight import wheel_dip
 from truearc_proof.truth.generate import Asked, follow, play, shoot, write
 from truearc_proof.truth.world import DIRT, EFFECTS, LEVELS, make_world
 
-# --- truth sensors
-
 ASKED = (Asked(3.0, 45.0, 0.5, 12), Asked(5.0, 50.0, 0.62, 8))
 ALL = {effect.name: effect.typical for effect in EFFECTS}
 
@@ -116,9 +114,6 @@ def test_traces_show_the_dip_of_the_wheels():
 def test_the_operator_corrects_the_level_of_a_hidden_effect(name):
     off = play(make_world({name: 2.0 * ALL[name]}, shots=300, seed=20)).flown.arrival.height_m - 2.44
     assert abs(np.nanmedian(off)) < 0.12
-
-
-# --- truth follow
 
 
 @pytest.mark.parametrize(("effect", "amount"), [("hood_offset", 2.0), ("distance_bias", 0.2), ("wind_x", 3.0)])

@@ -10,9 +10,7 @@ import pytest
 
 import truearc as ta
 from truearc import robot
-from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
-from truearc.sim.data.files import load_dataset
 from truearc.sim.infer.belief import as_table
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import STAGES
@@ -76,9 +74,9 @@ def test_engines_can_be_chosen() -> None:
     both = drawn("L1", 400)
     assert {one.kind for one in both if one.engine == MUJOCO} == set(SHARES)
     assert 0.15 < sum(one.engine == MUJOCO for one in both) / 400 < 0.25
-    with pytest.raises(InputError, match="engines"):
+    with pytest.raises(ta.InputError, match="engines"):
         drawn("L1", 10, ("pybullet",))
-    with pytest.raises(InputError, match="level"):
+    with pytest.raises(ta.InputError, match="level"):
         worlds.draw_round(1, 10, "L3", 300)
 
 
@@ -102,7 +100,7 @@ def test_a_foreign_world_is_an_event_with_its_practice_beside(level: str, tmp_pa
         worlds.make_data(one, tmp_path / name)
     worlds.make_more(one, [Asked(4.0, 50.0, 0.6, 3)], tmp_path / "more")
     assert hash_files(tmp_path / "w1") == hash_files(tmp_path / "again")
-    event, practice, more = (load_dataset(tmp_path / name) for name in ("w1", "w1/home", "more"))
+    event, practice, more = (ta.load_dataset(tmp_path / name) for name in ("w1", "w1/home", "more"))
     assert [len(each.shots) for each in (event, practice, more)] == [16, 60, 3]
     assert event.facts == practice.facts and event.facts.believe.terms
     assert (event.tracks is None) == (level != "L2") and "side" in event.shots.texts
@@ -117,10 +115,6 @@ def test_a_decoys_battery_falls_as_its_balls_wear() -> None:
     decoy = shoot(make_world({}, "L1", 300, 9, ("battery_with_wear",))).shots
     assert np.corrcoef(np.arange(300), decoy.number("battery_v"))[0, 1] < -0.8
 
-
-# --- MuJoCo's kinds
-
-# --- mujoco kinds
 
 FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig
 
@@ -269,14 +263,12 @@ def test_every_kind_becomes_data_and_can_be_shot_again(kind: str, tmp_path: Path
     one = msgspec.structs.replace(of_kind("L2", kind)[0], shots=12)
     worlds.make_data(one, tmp_path / "w1")
     worlds.make_more(one, [Asked(4.0, 50.0, 0.6, 3)], tmp_path / "more")
-    first, more = load_dataset(tmp_path / "w1"), load_dataset(tmp_path / "more")
+    first, more = ta.load_dataset(tmp_path / "w1"), ta.load_dataset(tmp_path / "more")
     assert len(first.shots) == 12 and first.tracks is not None and first.facts.believe.terms == ()
     assert len(more.shots) == 3 and not set(more.shots.shot_id) & set(first.shots.shot_id)
     worlds.make_data(one, tmp_path / "again")
     assert (tmp_path / "again" / "shots.csv").read_bytes() == (tmp_path / "w1" / "shots.csv").read_bytes()
 
-
-# --- home
 
 BELIEVED = ta.Belief({"drag": {"k_per_m": 0.1 + 0.2}, "gravity": {"g_m_s2": 9.81}}, {"speed_rel": 0.01},
                      ("drag.k_per_m",), np.array([[1e-4 / 3]]))
@@ -306,8 +298,7 @@ def test_what_was_kept_is_what_was_worked_out_to_the_last_bit(room: Room, worked
 
 
 @pytest.mark.parametrize("key", ["solver", "data"])
-def test_what_another_solver_kept_or_of_other_data_is_worked_out_again(room: Room, worked_out: list[int],
-                                                                       key: str) -> None:
+def test_what_another_solver_kept_or_of_other_data_is_worked_out_again(room, worked_out, key):
     solver._keep_home(room)
     kept = msgspec.json.decode(room.home.read_bytes())
     room.home.write_bytes(msgspec.json.encode({**kept, key: "other"}))

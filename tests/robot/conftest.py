@@ -1,10 +1,23 @@
-"""Noise that emulated cameras share."""
+"""A picture of the target, and noise that emulated cameras share."""
 
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+
+
+@pytest.fixture(scope="module")
+def image() -> np.ndarray:
+    """The target 4 m from the lens."""
+    from tests.robot.good_tick import CONFIG
+    from truearc.hw.emulated.camera import Stage
+    from truearc.sim.world.emulated_robot import make_lens, make_tape
+    from truearc_proof.world.camera_damage import StagedCamera, place
+
+    camera, tape = CONFIG.camera, CONFIG.tape
+    view = place(4.0, tape.centre_height_m - camera.height_m, camera.pitch_deg)
+    return StagedCamera(Stage(view), make_lens(camera), make_tape(tape), 1).expose(0).image
 
 
 @pytest.fixture(scope="module")

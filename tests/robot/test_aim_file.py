@@ -71,8 +71,7 @@ def test_a_changed_byte_is_refused_by_file_and_cause(tmp_path_factory, at, to):
     (replace(CONTENT, segments=(replace(SEGMENT, motor_ratio=shifted(RATIO, 0.5)),)), "no launcher can do that"),
     (replace(CONTENT, segments=(replace(SEGMENT, motor_ratio=Curve(RATIO.value, (9.0,) * 4)),)), "no launcher can"),
     (replace(CONTENT, segments=(SEGMENT, SEGMENT)), "must ascend without overlap"),
-    (replace(CONTENT, note="two\nlines"), "note: not a line"),
-])
+    (replace(CONTENT, note="two\nlines"), "note: not a line")])
 def test_what_no_launcher_can_do_is_refused(tmp_path, content, words):
     with pytest.raises(InputError, match=words):
         load_aim(write(tmp_path / "a.json", content))
@@ -361,8 +360,7 @@ def test_what_is_written_is_read_to_the_bit(tmp_path_factory, rows):
     ("distance_m,motor_ratio,hood_deg\ninf,0.5,45\n", "distance_m: inf is out"),
     ("distance_m,motor_ratio,hood_deg\n5,,45\n", "motor_ratio: '' is not a number"),
     ("distance_m,motor_ratio,hood_deg\n5,0.5\n", "hood_deg: '' is not a number"),
-    ("distance_m,motor_ratio,hood_deg\n" + "5,2,45\n" * 9, "and 4 more"),
-])
+    ("distance_m,motor_ratio,hood_deg\n" + "5,2,45\n" * 9, "and 4 more")])
 def test_a_row_that_cannot_be_is_named(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         load_plan(written(tmp_path / "p.csv", text), CONFIG)

@@ -103,8 +103,7 @@ def test_devices_get_lasting_names_and_a_fixed_exposure():
     (CONFIG, {"priority": 61}, "--priority 61"),
     (CONFIG, {"core": -1}, "--core -1"),
     (with_can(channel="can0; reboot"), {}, "can0; reboot"),
-    (replace(CONFIG, gate=replace(CONFIG.gate, policy="model")), {"has_gate": False}, "--gate"),
-])
+    (replace(CONFIG, gate=replace(CONFIG.gate, policy="model")), {"has_gate": False}, "--gate")])
 def test_what_cannot_be_is_named(config, changes, words):
     with pytest.raises(InputError, match=words):
         deploy.make_parts(config, replace(PARTS, **changes))
@@ -273,8 +272,7 @@ def test_the_staged_folder_is_carried_over_and_a_failing_command_ends_it(tmp_pat
 @pytest.mark.parametrize("words", [
     ["-oProxyCommand=x"], ["pi@"], ["pi@host;reboot"], ["pi@launcher", "--gate", "nowhere.onnx"],
     ["pi@launcher", "--endpoints", "nowhere.json"], ["pi@launcher", "--wheels", "nowhere"],
-    ["pi@launcher", "--plugin", "nowhere.whl"], ["pi@launcher", "--priority", "99"],
-])
+    ["pi@launcher", "--plugin", "nowhere.whl"], ["pi@launcher", "--priority", "99"]])
 def test_bad_input_ends_with_2_and_runs_nothing(words, monkeypatch, capsys):
     monkeypatch.setattr(truearc.cli.deploy.subprocess, "run", lambda *_, **__: pytest.fail("ran something"))
     if words[0].startswith("-"):

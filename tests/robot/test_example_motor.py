@@ -126,8 +126,7 @@ def test_its_own_reason_has_its_text_wherever_reasons_are_shown(config: Config) 
     assert page.count("`samplemotor.wrong_firmware`") == 2 and "`samplemotor" not in reasons_page()
 
 
-def test_a_reason_that_is_not_named_after_its_driver_is_refused(installed: Path, tmp_path: Path, toml: Path,
-                                                                monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reason_that_is_not_named_after_its_driver_is_refused(installed, tmp_path, toml, monkeypatch):
     (tmp_path / "unnamed.py").write_text(
         "from msgspec.structs import replace\nfrom truearc.hw.reason import Code, Message\n"
         "from truearc_samplemotor.family import SAMPLEMOTOR\n"
@@ -146,8 +145,7 @@ def test_a_reason_that_is_not_named_after_its_driver_is_refused(installed: Path,
     (("samplemotor = truearc.hw.devices.spark.family:SPARK",),
      "broken0 1.0: .*is not a MotorFamily whose driver and tag are 'samplemotor'"),
     (("samplemotor = math:pi", "samplemotor = math:tau"), "broken. 1.0: .* broken. 1.0: .* has the same name")])
-def test_a_broken_distribution_is_named(points: tuple[str, ...], message: str, toml: Path, tmp_path: Path,
-                                        monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_broken_distribution_is_named(points, message, toml, tmp_path, monkeypatch):
     for number, point in enumerate(points):
         info = tmp_path / "site" / f"broken{number}-1.0.dist-info"
         info.mkdir(parents=True)

@@ -73,8 +73,7 @@ def test_a_table_is_read_and_recorded(tmp_path: Path, table: str, config: Config
     ('driver = "nt4"\nkey = "/a"\nunit = "grad"\nzero_deg = 0.0\ndirection = 1', 0.6,
      r":\d+: hood_encoder\.unit: 'grad' is not known"),
     ('driver = "none"', 0.2, r"rig\.noise\.hood_deg: 0\.2 is too small: hood_encoder\.driver 'none' knows the angle to "
-     r"0\.5 deg at best"),
-])
+     r"0\.5 deg at best")])
 def test_a_wrong_table_is_refused_by_key(tmp_path: Path, table: str, sigma_deg: float, message: str) -> None:
     with pytest.raises(InputError, match=message):
         load(tmp_path, table, sigma_deg)

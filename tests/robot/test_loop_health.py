@@ -118,8 +118,7 @@ def test_not_ready_before_everything_has_been_heard():
     ({"flywheels": "old"}, "flywheel motor 2"),
     ({"feeder": "mute"}, "feeder motor"),
     ({"hood_angle": None}, "hood encoder"),
-    ({"faults": (BOX_SILENT(),)}, "button box: no heartbeat, outcomes cannot be marked"),
-])
+    ({"faults": (BOX_SILENT(),)}, "button box: no heartbeat, outcomes cannot be marked")])
 def test_what_is_missing_is_named(changes, missing):
     inputs = good_inputs()
     first, second = inputs.flywheels

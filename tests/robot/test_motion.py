@@ -427,8 +427,7 @@ BLIND = replace(AIMED, hood_encoder=NONE.hood_encoder, rig=NONE.rig)
 
 
 @pytest.mark.parametrize("hood_deg", [60.0, 15.05])
-def test_without_hood_encoder_a_motor_whose_encoder_is_dead_moves_little_and_not_again_and_again(
-        hood_deg: float) -> None:
+def test_without_hood_encoder_a_motor_whose_encoder_is_dead_moves_little_and_not_again_and_again(hood_deg):
     launcher = Launcher(BLIND, hood_deg=hood_deg)
     launcher.spoil = hood(position_rad=0.0, velocity_rad_s=0.0)
     launcher.run(0.1)

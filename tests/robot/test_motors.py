@@ -113,8 +113,7 @@ def test_a_spark_that_is_driven_may_fire() -> None:
 
 @pytest.mark.parametrize(("spoilt", "reason"), [
     ({"major": 24}, "hood motor: spark 3 runs firmware 24.0.0, expected 25 to 26: update it"),
-    ({"status_0": struct.pack("<HH4B", 0, 1638, 0, 25, 0x20, 0)}, "hood motor: locked to a competition controller"),
-])
+    ({"status_0": struct.pack("<HH4B", 0, 1638, 0, 25, 0x20, 0)}, "hood motor: locked to a competition controller")])
 def test_what_it_refuses_is_a_hold_that_says_so_and_nothing_is_driven(spoilt, reason: str) -> None:
     bench = Bench(SPARK_HOOD)
     for _ in range(50):
@@ -272,8 +271,7 @@ ENCODER_SENDS, ENCODER_IS_SENT = (0x070E07C5, 0x070E0785, 0x070E0185, 0x070E0105
     (CONFIG, ODRIVE_SENDS, ODRIVE_IS_SENT, {(3 << 5 | 0x01, False, False): 100_000_000}),
     (only_advice("odrive"), ODRIVE_SENDS, ODRIVE_IS_SENT, {(3 << 5 | 0x01, False, False): 100_000_000}),
     (SPARK_HOOD, SPARK_SENDS, SPARK_IS_SENT, {(0x0205B803, True, False): 10_000_000}),
-    (only_advice("spark"), SPARK_SENDS, SPARK_IS_SENT, {(0x0205B803, True, False): 10_000_000}),
-])
+    (only_advice("spark"), SPARK_SENDS, SPARK_IS_SENT, {(0x0205B803, True, False): 10_000_000})])
 def test_whose_frames_they_are(config, sends, is_sent, pulse) -> None:
     """Of the hood's axis, and of its encoder; by the tables of their makers."""
     encoder, hood = motors.make_rules(config)[0], motors.make_rules(config)[3]

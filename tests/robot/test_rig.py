@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG
+from tests.waiting import SetClock
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices import button_box as buttons
 from truearc.hw.devices.odrive import frames as odrive
@@ -64,15 +65,9 @@ class Stream(Wire):
         return data
 
 
-class Time:
+class Time(SetClock):
     def __init__(self):
-        self.t_ns = 1_000_000_000
-
-    def now_ns(self):
-        return self.t_ns
-
-    def sleep_until_ns(self, t_ns):
-        self.t_ns = max(self.t_ns, t_ns)
+        super().__init__(1_000_000_000)
 
 
 class Blind:

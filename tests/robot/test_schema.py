@@ -58,8 +58,7 @@ RIG = Path(__file__).parents[2] / "examples" / "spreadsheet" / "rig.toml"
     ("gravity_m_s2 = 9.81", 'gravity_m_s2 = "9,81"', r"a number is expected, got the text '9,81'; write 9\.81 without"),
     ("gravity_m_s2 = 9.81", "gravity_m_s2 = 9,81", r"my\.toml: .*line \d+, .*; decimals have a point, no comma"),
     ("node = 2", "nod = 2", r"axes\.flywheels\[1\]\.nod: unknown key; did you mean node\?"),
-    ("steady_s = 0.1", "steady_s = 0.1\nzzz = 0.1", r"flywheel\.zzz: unknown key$"),
-])
+    ("steady_s = 0.1", "steady_s = 0.1\nzzz = 0.1", r"flywheel\.zzz: unknown key$")])
 def test_a_mistake_is_named(old, new, message):
     assert old in TEXT
     with pytest.raises(InputError, match=message):
@@ -72,8 +71,7 @@ def test_a_mistake_is_named(old, new, message):
     ("node = 4", "node = 64", "axes.feeder.node: a whole number of at most 62 is expected, got 64"),
     ("node = 3\ndirection = 1", "node = 3\ndirection = 2", "axes.hood.direction: 2 is not known here; there are 1, -1"),
     ("[hood.pid]\nkp = 0.05", "[hood.pid]", "hood.pid.kp: missing key"),
-    ('[axes.hood]\ndriver = "odrive"', '[axes.hood]\ndriver = "spark"', "axes.hood.node: unknown key"),
-])
+    ('[axes.hood]\ndriver = "odrive"', '[axes.hood]\ndriver = "spark"', "axes.hood.node: unknown key")])
 def test_the_line_is_that_of_the_right_table(old, new, message):
     """Many tables have a `driver`, a `node`, a `kp`."""
     assert TEXT.count(old) == 1
@@ -141,8 +139,7 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
     ("included_deg = 30.0", "included_deg = 130.0", "hood.included_deg: from low_deg to high_deg the angle motor, "
      "pivot, nut goes from 145 to 205 degrees; it stays between 5 and 175, since a screw in line with the "
      "pivot has no lever"),
-    ("node = 4", "node = 2", "axes.feeder.node: 2 is that of axes.flywheels[1], too; each motor has its own"),
-])
+    ("node = 4", "node = 2", "axes.feeder.node: 2 is that of axes.flywheels[1], too; each motor has its own")])
 def test_a_rig_or_limit_that_cannot_be_is_refused(tmp_path, old, new, said):
     assert TEXT.count(old) >= 1
     path = tmp_path / "mine.toml"
@@ -337,8 +334,7 @@ def outside(low: float, high: float, whole: bool) -> st.SearchStrategy[float]:
 @pytest.mark.parametrize("limit", LIMITS, ids=lambda limit: limit.key)
 @settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_outside_its_limits_a_number_is_refused(limit: Limit, data: st.DataObject, place: Path,
-                                                configs: list[Any]) -> None:
+def test_outside_its_limits_a_number_is_refused(limit, data, place, configs):
     tables, whole, (low, low_text), (high, high_text) = limits_of(limit, configs)
     value = data.draw(outside(low, high, whole))
     line, key, said = refusal(with_value(tables, limit.key, value), place)
@@ -378,8 +374,7 @@ def keys_in(limit: Limit) -> set[str]:
     ("flywheel.steady_s", 0.0, "0 is out of range (0.01 = 2 / tick_hz to 2)"),
     ("gate.threshold", 0.0, "0 is out of range (0.01 to 0.99); below, the model cannot say no"),
     ("feeder.torque_nm", 50.0, "50 is out of range (0.005 to 10)"),
-    ("feeder.clear_s", 0.2, "0.2 is out of range (0.25 = feeder.feed_s to 10); below, two balls are fed"),
-])
+    ("feeder.clear_s", 0.2, "0.2 is out of range (0.25 = feeder.feed_s to 10); below, two balls are fed")])
 def test_what_was_accepted_once(key: str, value: float, said: str, place: Path) -> None:
     _, named, what = refusal(with_value(BASES[0], key, value), place)
     assert named == key and what.startswith(said)

@@ -89,8 +89,7 @@ def test_no_torque_is_ever_above_what_was_configured(phase, since_s):
     (excite("flywheel", top_rad_s=590.0), "above rig.launcher.free_speed_rad_s"),
     (excite("hood", margin_deg=30.0), "identify.hood.margin_deg is 30: nothing is left"),
     (replace(CONFIG, identify=replace(CONFIG.identify, flywheel=replace(CONFIG.identify.flywheel, repeats=0),
-                                      hood=replace(CONFIG.identify.hood, repeats=0))), "nothing would be driven"),
-])
+                                      hood=replace(CONFIG.identify.hood, repeats=0))), "nothing would be driven")])
 def test_what_the_launcher_forbids_is_refused_before_anything_moves(config, words):
     with pytest.raises(InputError, match=words):
         make_step(config)
@@ -157,8 +156,7 @@ def stale(inputs, joint):
     (first(HOOD, STEP), lambda i: replace(i, hood_motor=replace(i.hood_motor, velocity_rad_s=190.0)),
      because.JOINT_OVERSPEED),
     (first(HOOD, STEP), lambda i: replace(i, hood_motor=replace(i.hood_motor, position_rad=0.0)),
-     because.HOOD_ENCODERS_DISAGREE),
-])
+     because.HOOD_ENCODERS_DISAGREE)])
 def test_every_doubt_lets_go_of_everything_for_good(phase, spoil, code):
     joint = PROGRAM[phase].joint
     good = inputs_at(joint, 60.0)
@@ -202,8 +200,7 @@ def test_a_phase_ends_at_its_speed_or_margin_and_the_last_in_done():
 
 @pytest.mark.parametrize(("phase", "rad_s", "reason"), [
     (first(FLYWHEEL, STEP), 1.0, because.JOINT_NOT_TURNING(joint=FLYWHEEL, torque_nm=0.3)),
-    (first(FLYWHEEL, STEP) + 1, 60.0, because.JOINT_STILL_TURNING(joint=FLYWHEEL, limit_s=60.0)),
-])
+    (first(FLYWHEEL, STEP) + 1, 60.0, because.JOINT_STILL_TURNING(joint=FLYWHEEL, limit_s=60.0))])
 def test_what_ought_to_have_moved_or_stopped_is_an_end(phase, rad_s, reason):
     out = tick(inputs_at(FLYWHEEL, rad_s), running(phase, since_s=61.0))
     assert out.memory.identify.over == because.IDENTIFY_STOPPED(causes=(reason,)) and out.command == RELEASED

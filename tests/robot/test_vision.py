@@ -42,8 +42,7 @@ class Scene:
     def place(self, distance_m: float, facing_deg: float = 0.0, bearing_deg: float = 0.0, focal_scale: float = 1.0,
               brightness: float = 1.0, pitch_deg: float | None = None) -> None:
         """Target's centre at this horizontal distance and bearing, turned by `facing_deg` from squarely facing us."""
-        self.stage.now = place(
-            distance_m, TAPE.centre_height_m - self.camera.height_m,
+        self.stage.now = place(distance_m, TAPE.centre_height_m - self.camera.height_m,
             self.camera.pitch_deg if pitch_deg is None else pitch_deg, facing_deg=facing_deg, bearing_deg=bearing_deg,
             focal_scale=focal_scale, brightness=brightness)
 

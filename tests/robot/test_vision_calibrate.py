@@ -226,8 +226,7 @@ def test_a_board_that_does_not_move_is_no_calibration(capsys, tmp_path):
     (("--board", "charuco:8x11:0.015:0.011:DICT_NONE"), "charuco"),
     (("--board", "chessboard:9x6:0.025"), "found in 0 of 0 images"),
     (("--distances", "nowhere.csv"), "nowhere.csv"),
-    (("--distances", "nowhere.csv", "--tape-sigma", "nan"), "--tape-sigma"),
-])
+    (("--distances", "nowhere.csv", "--tape-sigma", "nan"), "--tape-sigma")])
 def test_the_door_s_complaints(capsys, arguments, named):
     code, out, err = run(capsys, *arguments)
     assert code == 2 and out == "" and named in err and "Traceback" not in err

@@ -14,27 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import truearc.cli.main as truearc
-from tests.robot.good_tick import CONFIG
 from truearc import robot
 from truearc.cli import vision_images as images
 from truearc.cli.vision_images import MAX_PIXELS, decode_image, image_size, load_image
 from truearc.errors import InputError
-from truearc.hw.emulated.camera import Stage
-from truearc.sim.world.emulated_robot import make_lens, make_tape
-from truearc_proof.world.camera_damage import StagedCamera, place
-
-
-@pytest.fixture(scope="module")
-def picture() -> np.ndarray:
-    camera, tape = CONFIG.camera, CONFIG.tape
-    view = place(4.0, tape.centre_height_m - camera.height_m, camera.pitch_deg)
-    return StagedCamera(Stage(view), make_lens(camera), make_tape(tape), 1).expose(0).image
 
 
 @pytest.fixture
-def good(tmp_path, picture) -> str:
+def good(tmp_path, image) -> str:
     path = tmp_path / "good.png"
-    cv2.imwrite(str(path), picture)
+    cv2.imwrite(str(path), image)
     return str(path)
 
 
@@ -65,21 +54,21 @@ def test_no_target_is_an_answer_and_no_camera_file_an_error(capsys, tmp_path, go
     assert code == 2 and "nowhere.toml" in out.err
 
 
-def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, picture, good):
+def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, image, good):
     grey, deep, corrupt, cut, cut_jpeg, empty, text, tiny = (
         tmp_path / name for name in ("grey.png", "deep.png", "corrupt.png", "cut.png", "cut.jpg", "empty.jpg",
                                      "text.jpg", "tiny.png"))
-    cv2.imwrite(str(grey), picture[:, :, 1])
-    cv2.imwrite(str(deep), picture.astype(np.uint16) * 256)
+    cv2.imwrite(str(grey), image[:, :, 1])
+    cv2.imwrite(str(deep), image.astype(np.uint16) * 256)
     data = bytearray(Path(good).read_bytes())
     cut.write_bytes(data[: len(data) // 2])
     data[2000:2040] = b"x" * 40
     corrupt.write_bytes(data)
-    jpeg = cv2.imencode(".jpg", picture)[1].tobytes()
+    jpeg = cv2.imencode(".jpg", image)[1].tobytes()
     cut_jpeg.write_bytes(jpeg[: len(jpeg) // 2])
     empty.write_bytes(b"")
     text.write_text("not an image")
-    cv2.imwrite(str(tiny), picture[:2, :2])
+    cv2.imwrite(str(tiny), image[:2, :2])
     bad = [grey, deep, corrupt, cut, cut_jpeg, empty, text, tmp_path / "missing.png", tmp_path]
     code, rows, out = run(capsys, *map(str, bad), str(tiny), good)
     assert code == 2 and len(rows) == len(bad) + 2
@@ -90,12 +79,12 @@ def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, picture, 
     assert "greyscale" in out.err and "16-bit" in out.err and "is empty" in out.err and "Traceback" not in out.err
 
 
-def test_alpha_is_ignored_and_other_sizes_are_said_once(capsys, tmp_path, picture, good):
+def test_alpha_is_ignored_and_other_sizes_are_said_once(capsys, tmp_path, image, good):
     path = tmp_path / "alpha.png"
-    cv2.imwrite(str(path), np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]))
+    cv2.imwrite(str(path), np.dstack([image, np.full(image.shape[:2], 255, np.uint8)]))
     _, rows, _ = run(capsys, str(path), good)
     assert rows[0]["distance_m"] == rows[1]["distance_m"] != ""
-    cv2.imwrite(str(tmp_path / "crop.png"), picture[:400])
+    cv2.imwrite(str(tmp_path / "crop.png"), image[:400])
     code, rows, out = run(capsys, good, str(tmp_path / "crop.png"), str(tmp_path / "crop.png"))
     assert code == 0 and len(rows) == 3 and out.err.count("640 x 400: treated as modes that show the full height") == 1
     assert "full height" not in run(capsys, good)[2].err
@@ -112,8 +101,7 @@ def test_labels_give_an_error_table(capsys, tmp_path, good):
     ("file,distance\na,1\n", "labels.csv:1: missing column 'label_distance_m'"),
     ("file,label_distance_m\na,1\nb,far\n", "labels.csv:3: label_distance_m: 'far'"),
     ("file,label_distance_m\na,-1\n", "labels.csv:2: label_distance_m: '-1'"),
-    ("file,label_distance_m\na,nan\n", "labels.csv:2: label_distance_m: 'nan'"),
-])
+    ("file,label_distance_m\na,nan\n", "labels.csv:2: label_distance_m: 'nan'")])
 def test_bad_labels(capsys, tmp_path, good, text, named):
     labels = tmp_path / "labels.csv"
     labels.write_text(text)
@@ -146,8 +134,7 @@ def test_camera_by_file_by_name_and_whole_launcher(capsys, tmp_path, good):
     (("focal_sigma = 0.03", "focal_sigma = 1e6"), "focal_sigma"),
     (("centre_sigma_px = 40.0", "centre_sigma_px = 1e8"), "centre_sigma_px"),
     (("pitch_sigma_deg = 10.0", "pitch_sigma_deg = 1e6"), "pitch_sigma_deg"),
-    (("[camera]", "[camera"), ""),
-])
+    (("[camera]", "[camera"), "")])
 def test_bad_camera_files_name_the_key(capsys, tmp_path, good, change, named):
     text = (Path(robot.__file__).parent / "cameras" / "lifecam_hd3000_480p.toml").read_text()
     path = tmp_path / "camera.toml"
@@ -191,8 +178,7 @@ def png_of(width: int, height: int, kind: int = 2, pixels: bytes = b"") -> bytes
     (png_of(0, 5), "corrupt"), (png_of(80, 60), "corrupt"),
     (cv2.imencode(".png", PICTURE[:, :, 0])[1].tobytes(), "greyscale"),
     (png_of(80, 60, *GREY_ALPHA), "greyscale"),
-    (cv2.imencode(".png", PICTURE.astype(np.uint16))[1].tobytes(), "16-bit"),
-])
+    (cv2.imencode(".png", PICTURE.astype(np.uint16))[1].tobytes(), "16-bit")])
 def test_what_is_wrong_is_said(data, named):
     with pytest.raises(InputError, match=named):
         decode_image(data)

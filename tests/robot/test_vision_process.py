@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from tests.waiting import SetClock
 from truearc.cli.common import SHIPPED
 from truearc.cli.run_processes import ThreeProcesses
 from truearc.hw.emulated.camera import PictureServer
@@ -29,13 +30,6 @@ from truearc.robot.types import Sighting
 PATIENCE_S = 30.0                     # of a loaded machine
 ROOM = make_room(8, 6)
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
-
-
-class Time:
-    t_ns = 1_000_000_000
-
-    def now_ns(self):
-        return self.t_ns
 
 
 class Views:
@@ -63,7 +57,7 @@ def frame(value):
 
 def told(*views):
     """What eyes say, one view after the other, and the picture then."""
-    slots, clock = Slots(bytearray(ROOM.bytes), ROOM), Time()
+    slots, clock = Slots(bytearray(ROOM.bytes), ROOM), SetClock(1_000_000_000)
     eyes = FarEyes(slots, lambda: None, clock)
     said = []
     for view in views:
@@ -96,7 +90,7 @@ def test_vision_that_fails_or_does_not_stir_says_so():
         eyes.read()
     assert lost.value.reason == failed
     assert eyes.read() == see(frame(8))
-    slots, clock = Slots(bytearray(ROOM.bytes), ROOM), Time()
+    slots, clock = Slots(bytearray(ROOM.bytes), ROOM), SetClock(1_000_000_000)
     eyes = FarEyes(slots, lambda: None, clock)
     slots.beat(clock.t_ns)
     clock.t_ns += 1_400_000_000

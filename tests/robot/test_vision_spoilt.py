@@ -18,17 +18,14 @@ LENS = make_lens(CONFIG.camera)
 READOUT_S, EXPOSURE_S = 0.03, 0.003
 
 
-def view_at(distance_m: float, pitch_deg: float, **how: float):
-    return place(distance_m, CONFIG.tape.centre_height_m - CONFIG.camera.height_m, pitch_deg, **how)
-
-
 def trial(rng: np.random.Generator, turn_deg_s: tuple[float, float], seed: int, exposure_s: float, **told: float):
     """Distance, and its estimate by a camera that turns so fast and is configured so."""
     distance_m = rng.uniform(2.4, 8.0)
     camera = replace(CONFIG.camera, pitch_deg=24.0 if distance_m < 6 else 14.0, **told)
     smear_px = CONFIG.camera.fx_px * exposure_s * np.radians(turn_deg_s)
     look = Look(turn_deg_s=turn_deg_s, readout_s=READOUT_S, smear_px=(-float(smear_px[0]), float(smear_px[1])))
-    view = view_at(distance_m, camera.pitch_deg, facing_deg=rng.uniform(-30, 30), bearing_deg=rng.uniform(-7, 7))
+    view = place(distance_m, CONFIG.tape.centre_height_m - CONFIG.camera.height_m, camera.pitch_deg,
+                 facing_deg=rng.uniform(-30, 30), bearing_deg=rng.uniform(-7, 7))
     eye = StagedCamera(Stage(view), make_lens(camera), make_tape(CONFIG.tape), seed, look=look)
     return distance_m, detect(eye.expose(0), camera, CONFIG.tape, CONFIG.vision)
 

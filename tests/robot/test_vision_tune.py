@@ -4,8 +4,6 @@ import json
 import re
 import shutil
 import subprocess
-import threading
-from http.client import HTTPConnection
 from pathlib import Path
 
 import cv2
@@ -14,27 +12,19 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-import truearc.cli.main as truearc
+from tests import waiting
 from tests.robot.good_tick import CONFIG
+from tests.waiting import serving
 from truearc.cli.vision_tuner import Live, Recorded, Tuner, TuneServer, find_pictures
 from truearc.errors import InputError
-from truearc.hw.emulated.camera import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.robot.config.schema import CameraFile, load_toml
-from truearc.sim.world.emulated_robot import make_lens, make_tape
-from truearc_proof.world.camera_damage import StagedCamera, place
 
 FILE = CameraFile(CONFIG.camera, CONFIG.tape, CONFIG.vision)
 SETTINGS = msgspec.to_builtins(CONFIG.vision)
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 BLIND = {**SETTINGS, "hue_low": 0, "hue_high": 5}
-
-
-@pytest.fixture(scope="module")
-def image():
-    view = place(4.0, CONFIG.tape.centre_height_m - CONFIG.camera.height_m, CONFIG.camera.pitch_deg)
-    return StagedCamera(Stage(view), make_lens(CONFIG.camera), make_tape(CONFIG.tape), 1).expose(0).image
 
 
 @pytest.fixture
@@ -50,24 +40,16 @@ def pictures(tmp_path, image):
 @pytest.fixture(params=[{}])
 def server(tmp_path, pictures, request):
     tuner = Tuner(FILE, Recorded(find_pictures([str(pictures)])), tmp_path / "tuned.toml", **request.param)
-    with TuneServer(tuner, "127.0.0.1", 0) as serving:
-        thread = threading.Thread(target=serving.serve_forever, args=(0.01,))
-        thread.start()
-        yield serving
-        serving.shutdown()
-        thread.join()
+    with serving(TuneServer(tuner, "127.0.0.1", 0)) as server:
+        yield server
 
 
 def ask(server, path, said=None, token=None, **headers):
     """(status, content type, body)"""
     path += f"{'&' if '?' in path else '?'}token={server.token if token is None else token}"
-    line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)
-    body = None if said is None else json.dumps(said).encode()
-    line.request("GET" if said is None else "POST", path, body, headers)
-    answer = line.getresponse()
-    status, kind, body = answer.status, answer.headers["Content-Type"], answer.read()
-    line.close()
-    return status, kind, body
+    method, sent = ("GET", None) if said is None else ("POST", json.dumps(said).encode())
+    status, answered, body = waiting.ask(server.server_port, path, method, sent, headers)
+    return status, answered["Content-Type"], body
 
 
 def test_page_state_and_views_are_of_the_pictures_and_settings(server, image):
@@ -111,10 +93,7 @@ def test_replay_goes_on_where_it_is_asked_to(server):
 
 
 def test_endless_brackets_and_requests_without_token_are_refused(server, tmp_path):
-    line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)
-    line.request("POST", f"/look?token={server.token}", b"[" * 9000)
-    assert line.getresponse().status == 400
-    line.close()
+    assert waiting.ask(server.server_port, f"/look?token={server.token}", "POST", b"[" * 9000)[0] == 400
     for token in ("", "guess", "%C3%A9"):
         assert ask(server, "/", token=token)[0] == ask(server, "/state", token=token)[0] == 403
         assert ask(server, "/save", {"settings": SETTINGS}, token=token)[0] == 403
@@ -134,8 +113,7 @@ def test_save_writes_what_can_be_read_and_is_then_before(server, tmp_path):
     ("/look", {"index": 9, "settings": SETTINGS}, 400), ("/look", [1], 400), ("/save", {"settings": {}}, 400),
     ("/save", {"settings": {**SETTINGS, "corner_sigma_px": -1}}, 400), ("/picture", None, 400),
     ("/picture?index=x&view=mask&settings=1", None, 400), ("/else", None, 404), ("/else", {}, 404),
-    ("/look", {"index": 2, "settings": SETTINGS}, 400), ("/look", {"pad": "x" * 20_000}, 404),
-])
+    ("/look", {"index": 2, "settings": SETTINGS}, 400), ("/look", {"pad": "x" * 20_000}, 404)])
 def test_nonsense_is_told_and_saves_nothing(server, tmp_path, path, said, status):
     code, kind, body = ask(server, path, said)
     assert code == status and body and kind.startswith("text/plain")
@@ -191,11 +169,3 @@ def test_live_words_and_views_are_of_one_picture_until_it_is_gone(tmp_path, imag
     assert bright.max() > 150 and black.max() < 5
     with pytest.raises(InputError, match="no longer kept"):
         tuner.picture(0, "image", SETTINGS, 99)
-
-
-@pytest.mark.parametrize(("arguments", "named"), [(("nowhere",), "nowhere"), (("--port", "70000", "."), "no pictures"),
-                                                  (("--camera", "none.toml"), "none.toml")])
-def test_the_door_s_complaints(capsys, tmp_path, monkeypatch, arguments, named):
-    monkeypatch.chdir(tmp_path)
-    assert truearc.main(["vision-tune", *arguments]) == 2
-    assert named in capsys.readouterr().err

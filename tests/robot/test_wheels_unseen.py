@@ -100,8 +100,7 @@ def test_the_feeder_stops_where_the_wheels_come_into_doubt() -> None:
 
 @pytest.mark.parametrize(("ks_nm", "kv_nm_s", "kp", "most_nm"), [
     (0.0, 2e-4, 4e-4, 1.2), (-0.005, 2.5e-4, 4e-4, 1.2), (0.0, 0.0, 0.002, 4.0)])
-def test_loops_too_soft_for_their_torque_limit_are_released_before_wheels_run_away(
-        ks_nm: float, kv_nm_s: float, kp: float, most_nm: float) -> None:
+def test_loops_too_soft_for_their_torque_limit_are_released_before_wheels_run_away(ks_nm, kv_nm_s, kp, most_nm):
     wheel = AIMED.flywheel
     pid = replace(wheel.pid, kp=kp, ki=0.0, output_high=most_nm)
     launcher = Launcher(replace(AIMED, flywheel=replace(wheel, ks_nm=ks_nm, kv_nm_s=kv_nm_s, pid=pid)))

@@ -20,8 +20,6 @@ from truearc.sim.physics.term import Exit
 from truearc_proof.importers import set_points
 from truearc_proof.importers.set_points import import_254, import_971, import_2910, import_3476
 
-# --- import set points
-
 HEADER = ("team", "table", "distance_m", "wheel_rpm", "hood_raw", "note")
 ROWS = [("254", "laser_old_ball", 2.67, 4500, 45.73, ""), ("254", "laser_old_ball", 5.76, 4500, 56.78, "EXTRAPOLATED"),
         ("254", "laser_new_ball", 2.32, 4500, 45.76, ""), ("254", "lob", 4.37, 2500, 48.75, ""),
@@ -224,8 +222,6 @@ def test_what_is_no_history_is_refused(tmp_path: Path, monkeypatch: pytest.Monke
         import_3476(clone)
 
 
-# --- import exit speeds
-
 SPEEDS = ("ball_speed_mps", "accelerator_rad_s", "finisher_rad_s")
 CONSTANTS = """
   // {{9.9, {200.0, kVelocityFinisher}}
@@ -262,8 +258,6 @@ def test_the_teams_own_file_says_the_same_as_the_table(tmp_path: Path) -> None:
         import_971(original)
 
 
-# --- parts that importers share
-
 NEAR_M, LOWER_RIM_M = 1.5, 2.4956 - 0.381 - 0.75
 STEEP_DEG = float(np.degrees(np.arctan2(LOWER_RIM_M, NEAR_M)))
 
@@ -274,8 +268,7 @@ def history(folder: Path, *near_deg: float) -> Path:
                                                    for k, deg in enumerate(near_deg)])
 
 
-def test_an_elevation_below_the_line_of_sight_is_doubted_and_imported(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_elevation_below_the_line_of_sight_is_doubted_and_imported(tmp_path, capsys):
     flat = history(tmp_path, STEEP_DEG + 0.5, STEEP_DEG - 0.5, STEEP_DEG - 8.0)
     assert truearc.main(["import", "frc-3476", str(flat), "-o", str(tmp_path / "d")]) == 0
     said = capsys.readouterr().out

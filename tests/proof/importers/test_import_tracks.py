@@ -21,8 +21,6 @@ from truearc.sim.data.files import load_dataset
 from truearc_proof.importers.ball_butler import import_ball_butler
 from truearc_proof.importers.mpi import BALL_NAMES, LAUNCH_COLUMNS, ROBOT_NAMES, TRACK_COLUMNS, import_mpi
 
-# --- import mpi
-
 TABLE_M, BALL_M = 0.76, 0.02
 RPM = (350.0, 350.0, 2800.0)
 
@@ -67,8 +65,7 @@ def test_commands_become_rad_per_s_and_time_starts_at_zero(tmp_path: Path) -> No
 
 @settings(max_examples=60, deadline=None)
 @given(up=st.floats(0.5, 3.0), start=st.floats(1.0, 1.4), count=st.integers(90, 220), seed=st.integers(0, 999))
-def test_only_samples_before_the_bounce_are_kept(tmp_path_factory: pytest.TempPathFactory, up: float, start: float,
-                                                 count: int, seed: int) -> None:
+def test_only_samples_before_the_bounce_are_kept(tmp_path_factory, up, start, count, seed):
     samples, hit_s = bouncing(up, start, count)
     samples[:, 3] += np.random.default_rng(seed).normal(0.0, 0.001, count)
     rows = [["spin", 4, *row] for row in samples.tolist()]
@@ -86,8 +83,7 @@ def test_only_samples_before_the_bounce_are_kept(tmp_path_factory: pytest.TempPa
     (0, 2, "n_samples", "99", "launches.csv:2: n_samples: is 99, but the tracks have 100"),
     (1, 31, "z_m", "nan", "tracks.csv:31: z_m: 'nan' is not a finite number"),
     (1, 31, "t_s", "0.0", "tracks.csv:31: t_s: does not follow"),
-    (1, 31, "launch", "5", "tracks.csv:31: launch: set 'spin' launch 5 is not among the launches"),
-])
+    (1, 31, "launch", "5", "tracks.csv:31: launch: set 'spin' launch 5 is not among the launches")])
 def test_a_bad_cell_is_named(tmp_path: Path, table: int, line: int, column: str, cell: str, says: str) -> None:
     rows = good()
     header = (LAUNCH_COLUMNS, TRACK_COLUMNS)[table]
@@ -97,8 +93,7 @@ def test_a_bad_cell_is_named(tmp_path: Path, table: int, line: int, column: str,
     assert says in str(caught.value)
 
 
-def test_the_door_writes_a_dataset_and_refuses_too_few_files(tmp_path: Path,
-                                                             capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_door_writes_a_dataset_and_refuses_too_few_files(tmp_path, capsys):
     launches, tracks = write(tmp_path, *good())
     assert truearc.main(["import", "mpi", str(launches), str(tracks), "-o", str(tmp_path / "out")]) == 0
     assert "1 shots" in capsys.readouterr().out
@@ -177,10 +172,8 @@ def spoil(name: str, values: object, row: int | None = None) -> Callable[[Any], 
     (spoil("positions", np.zeros((99, 3))), ", group 4: positions has not 3 numbers for each of time_stamps"),
     (spoil("positions", np.nan, 30), ", group 4:31: x_m: nan is not a finite number"),
     (spoil("time_stamps", 0.0, 30), ", group 4:31: t_s: does not follow the sample before of the same launch"),
-    (lambda file: file.move("originals", "filtered"), ": has no group 'originals' with launches in it"),
-])
-def test_what_is_wrong_with_a_launch_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str],
-                                              change: Callable[[Any], None], says: str) -> None:
+    (lambda file: file.move("originals", "filtered"), ": has no group 'originals' with launches in it")])
+def test_what_is_wrong_with_a_launch_is_named(tmp_path, capsys, change, says):
     path = record(tmp_path / "spin.hdf5", [("4", *flight())])
     with h5py.File(path, "a") as file:
         change(file)
@@ -199,8 +192,6 @@ def test_a_file_that_is_cut_short_or_stands_twice_is_refused(tmp_path: Path) -> 
     with pytest.raises(InputError, match=r"missing\.hdf5: not a readable HDF5 file .*No such file"):
         import_mpi(tmp_path / "missing.hdf5")
 
-
-# --- import ball butler
 
 HEADER = ("shot_id", "t_s", "x_m", "y_m", "z_m")
 RATE_HZ = 300.0
@@ -302,8 +293,7 @@ def test_of_a_recording_the_free_flight_is_cut_out(tmp_path: Path, air: float) -
     ({"Markers": [{"Name": "b0", "Parts": [{"Range": {"Start": 1}, "Values": [[1e300, 0.0, 0.0, 0.0]]}]}]},
      r"'b0' has a frame or place"),
     ({"Markers": [{"Name": "b0", "Parts": []}] * 2}, r"session9\.json: Markers: two have the name 'b0'"),
-    ({"Markers": []}, r"session9\.json: has no flight of 8 samples"),
-])
+    ({"Markers": []}, r"session9\.json: has no flight of 8 samples")])
 def test_a_recording_that_is_none_is_refused(tmp_path: Path, change: dict[str, object], told: str) -> None:
     path = recording(tmp_path, {"b0": [(1, throw(5.0))]})
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))

@@ -17,8 +17,6 @@ from truearc.sim.physics.term import Exit
 from truearc_proof.reproduce import Settings
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
 
-# --- pools
-
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 FACTS = CONFIG.rig
 TRUTH = {"drag": {"cd": 0.5}, "magnus": {"cl": 0.05}}
@@ -82,8 +80,6 @@ def make_pool(seed: int = 1) -> Pool:
     chosen = Shots(tuple(f"launched-c{k:04d}" for k in range(60)), columns, {"simulated": tuple(map(str, said))})
     return Pool(Dataset("real", FACTS, real), Dataset("launched", FACTS, labelled(chosen, rng)), coefficients)
 
-
-# --- sessions
 
 class Launcher:
     """A `record` for the collection: remembers what it was asked for, and writes it where it is not there yet."""

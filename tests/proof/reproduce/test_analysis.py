@@ -19,7 +19,6 @@ from truearc_proof.reproduce import EVERYTHING, WHERE, models
 from truearc_proof.reproduce import collect as door
 from truearc_proof.reproduce.page import OURS_NOT_THEIRS, make_tables, save_figures, save_page
 
-# --- analysis
 
 @pytest.fixture(scope="module", autouse=True)
 def baselines_are_tuned_in_less_time():
@@ -140,8 +139,6 @@ def test_best_by_test_is_the_setting_with_the_best_mean_either_way_round():
     found = next(one for one in models._differences(analysis, settings) if one.metric == "brier")
     assert found.difference.mean < 0.0
 
-
-# --- metrics
 
 def predictions(seed, n=300):
     rng = np.random.default_rng(seed)

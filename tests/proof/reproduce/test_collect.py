@@ -20,8 +20,6 @@ from truearc.sim.physics.simulate import classify, predict
 from truearc_proof.reproduce import Settings, collect
 from truearc_proof.reproduce.collect import Recording
 
-# --- aiming
-
 SHARES = {"three": 0.5, "two": 0.2, "miss": 0.3}
 RISE_M = FACTS.target.centre_height_m - FACTS.launcher.release_height_m
 
@@ -82,8 +80,6 @@ def test_what_is_lacking_is_meant_and_what_is_not_is_left():
     assert sum(collect.intentions({"three": 0, "two": 0, "miss": 0}).values()) == pytest.approx(1.0)
 
 
-# --- draws
-
 SETTINGS = Settings(base_seed=5)
 
 
@@ -123,8 +119,6 @@ def test_a_rare_outcome_is_made_up_for_by_the_others(miss, two, three, count):
     for kind, there in (("miss", miss), ("two", two), ("three", three)):
         assert counts[kind] == there or counts[kind] >= max(counts.values()) - 1
 
-
-# --- record
 
 PLAN = with_plan(CONFIG, (Prescribed(4.0, 0.5, 47.0),), 1)
 
@@ -174,8 +168,6 @@ def test_sessions_recorded_by_other_processes_are_known_again(tmp_path):
     sessions = collect.make_record(tmp_path, 2, lambda what: lambda done, note: None)(recordings, "test")
     assert [len(load_trials(session)) for session in sessions] == [1, 1]
 
-
-# --- the whole collection
 
 FEW = replace(SMALL, practice_trials=75, session_rows=12, most_rounds=6, launched=24)
 NO_PROGRESS = staticmethod(lambda done, note: None).__func__

@@ -15,15 +15,12 @@ from truearc_proof.rivals import check_rivals, claim, residual
 from truearc_proof.rivals.claim import COLUMNS, Moments, accelerations, middle_of
 from truearc_proof.truth.world import make_world
 
-# --- claim
 
 def test_who_cannot_enter_is_told_why() -> None:
     with pytest.raises(InputError, match="no rival 'nobody'"):
         check_rivals(["argmax", "nobody"])
     assert check_rivals(["argmax", "argmax"]) == ("argmax",)
 
-
-# --- library
 
 VELOCITY = np.array([[7.0, 0.4, 5.0], [5.0, -0.3, -2.0], [9.0, 0.0, 1.0]])
 SPIN_REV_S = 6.0                      # in the seed's convention: twice what the ball turns by
@@ -44,8 +41,7 @@ def truth(effect: str | None, amount: float) -> np.ndarray:
     spin = np.array([0.0, -math.pi * SPIN_REV_S, 0.0])
     density = 1.2 * (1.0 + DENSITY * amount) if effect == "air_density" else 1.2
     used = AGE if effect == "drag_wear" else 0.0
-    return np.stack([acceleration(t, v, spin, world, density, used)
-                     for t, v in zip(TIME_S, VELOCITY, strict=True)])
+    return np.stack([acceleration(t, v, spin, world, density, used) for t, v in zip(TIME_S, VELOCITY, strict=True)])
 
 
 def test_drag_lift_and_gravity_are_the_whole_law() -> None:
@@ -73,8 +69,6 @@ def test_what_changes_a_force_is_a_candidate_where_the_force_is_believed() -> No
     assert set(claim.candidates_of(("magnus",))) == {"drag", "buoyancy", "spin_decay", "lift_saturation"}
     assert set(claim.candidates_of(("drag", "magnus"))) == set(COLUMNS) - {"drag", "magnus"}
 
-
-# --- residual
 
 COUNT, NOISE = 150, 0.1
 LEARNERS = {"gp": residual.learn_process, "boosted": partial(residual.learn_trees, 0)}
@@ -116,8 +110,6 @@ def test_unknown_covariates_stand_at_their_mean() -> None:
                               np.arange(3))
     np.testing.assert_allclose(table, [[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
 
-
-# --- koh
 
 STEPS = 2_000
 SEEN, HELD = np.linspace(0.0, 1.0, 12)[:, None], np.array([[0.15], [0.55], [0.8]])

@@ -11,8 +11,6 @@ from truearc_proof.rivals.claim import COLUMNS, Flights, Moments, accelerations,
 from truearc_proof.rivals.sindy import Rows, Tuning, claim_by, fit
 from truearc_proof.truth.world import make_world
 
-# --- made
-
 FACTS = make_world().facts
 FRAMES, STEP_S = 40, 1.0 / 60.0
 KNOWN = ("drag", "magnus")
@@ -40,8 +38,6 @@ def sizes(one: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(radius_m, mass_kg) of the rig's ball."""
     return FACTS.ball.radius_m * one, FACTS.ball.mass_kg * one
 
-
-# --- pysindy
 
 CANDIDATES = tuple(name for name in COLUMNS if name not in KNOWN)
 
@@ -93,8 +89,6 @@ def test_a_law_that_is_the_true_one_foretells_without_error() -> None:
     weights[:, COLUMNS.index("buoyancy")] = 1.5
     np.testing.assert_allclose(end_errors(flights, COLUMNS, weights), 0.0, atol=1e-9)
 
-
-# --- odr bindy
 
 def test_a_push_is_named_with_an_interval_that_holds_it() -> None:
     claim = odr_bindy.claim_of(constant(2.0, noise_m=0.003), KNOWN)

@@ -157,8 +157,7 @@ def test_the_wrong_firmware(firmware, level):
     ({"heartbeat_ms": 0}, FAILURE, "Heartbeat 0/s instead of 10/s"),
     ({"current_ms": 0}, WARNING, "Get_Iq 0/s instead of 100/s"),
     ({"bus_ms": 0}, WARNING, "Get_Bus_Voltage_Current 0/s instead of 10/s"),
-    ({"encoder_ms": 5}, OK, "Get_Encoder_Estimates 200/s"),
-])
+    ({"encoder_ms": 5}, OK, "Get_Encoder_Estimates 200/s")])
 def test_status_rates(changes, level, words):
     finding = Bench({"flywheel_a": replace(OdriveSettings(), **changes)}).findings()["flywheel motor 1, status rates"]
     assert finding.level == level and words in finding.says
@@ -267,8 +266,7 @@ def test_a_hood_encoder_that_comes_late_is_a_failure_at_rest(late_ms, level):
 
 @pytest.mark.parametrize(("hood_deg", "closed", "level", "words"), [
     (40.0, True, FAILURE, "40.0 deg, the limit switch at 15 deg is closed"), (15.2, True, OK, "closed"),
-    (10.0, False, FAILURE, "travel is 15 to 75"), (80.0, False, FAILURE, "travel"), (74.0, False, OK, "open"),
-])
+    (10.0, False, FAILURE, "travel is 15 to 75"), (80.0, False, FAILURE, "travel"), (74.0, False, OK, "open")])
 def test_switch_and_encoder_of_a_hood_at_rest(hood_deg, closed, level, words):
     bench = Bench()
     bench.plant.hood_rad, bench.plant.limit = math.radians(hood_deg), closed
@@ -282,8 +280,7 @@ def test_switch_and_encoder_of_a_hood_at_rest(hood_deg, closed, level, words):
     ({"timeout_s": 0.01}, "watchdog", FAILURE, "waits 0.01 s"),
     ({"timeout_s": float("nan")}, "watchdog", FAILURE, "waits nan s"),
     ({"bandwidth": 100.0}, "encoder filter", WARNING, "lags by 10 ms"),
-    ({"bandwidth": float("nan")}, "encoder filter", WARNING, "does not answer"),
-])
+    ({"bandwidth": float("nan")}, "encoder filter", WARNING, "does not answer")])
 def test_settings_inside_an_axis(endpoints, changes, check, level, words):
     settings = replace(OdriveSettings(), parameters=inside(**changes))
     finding = Bench({"flywheel_b": settings}).findings(endpoints)[f"flywheel motor 2, {check}"]
@@ -348,8 +345,7 @@ def sparks(config, faults=(), settings: SparkSettings | None = None) -> list[Nod
     for name, axis in name_axes(config):
         if isinstance(axis, SparkConfig):
             mine = settings if name == "hood motor" else None
-            node = SparkNode(axis, MOTORS[name], PLANT, mine,
-                             PLANT.hood_at_limit if axis.has_endstop else None)
+            node = SparkNode(axis, MOTORS[name], PLANT, mine, PLANT.hood_at_limit if axis.has_endstop else None)
             nodes.append(FaultyNode(node, faults) if name == "hood motor" else node)
     return nodes
 
@@ -360,8 +356,7 @@ def sparks(config, faults=(), settings: SparkSettings | None = None) -> list[Nod
     (None, SparkSettings(firmware=(24, 0, 1)), "firmware", FAILURE, "24.0.1"),
     (None, SparkSettings(firmware=(27, 0, 0)), "firmware", FAILURE, "27.0.0"),
     (Fault(TRUNCATED, 0, ALWAYS, frame_id=0x0205B803, length=3), None, "status", FAILURE, "cannot be"),
-    (Fault(TRUNCATED, 0, ALWAYS, frame_id=0x02052603, length=1), None, "firmware", FAILURE, "cannot be read"),
-])
+    (Fault(TRUNCATED, 0, ALWAYS, frame_id=0x02052603, length=1), None, "firmware", FAILURE, "cannot be read")])
 def test_what_is_wrong_with_a_spark_is_said(fault, settings, check, level, words):
     finding = hear(sparks(SPARK_HOOD, (fault,) if fault else (), settings), SPARK_HOOD)[f"hood motor, {check}"]
     assert finding.level == level and words in finding.says and finding.do
@@ -388,8 +383,7 @@ def test_two_unique_ids_and_a_controller_with_the_say_are_told():
         finding = check_firmware("hood motor", SPARK_HOOD.axes.hood, Heard((*answer, *frames), 2.0))
         assert finding.level == level and ("2 devices" in finding.says) == (level == FAILURE)
     lock = Frame(
-        0, spark.frame_id(spark.SparkAxis(3, 1, False), "STATUS_0"), bytes([0] * 6 + [0x20, 0]), is_extended=True
-    )
+        0, spark.frame_id(spark.SparkAxis(3, 1, False), "STATUS_0"), bytes([0] * 6 + [0x20, 0]), is_extended=True)
     alive = Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)
     for frame in (lock, alive):
         heard = Heard((frame,), 1.0)

@@ -57,8 +57,7 @@ def test_whatever_else_it_prints_raises_nothing(said):
     (replace(WELL, state="ERROR-PASSIVE"), FAILURE, "error-passive"),
     (replace(WELL, restart_ms=0), WARNING, "restart-ms 0"),
     (replace(WELL, queue=10), WARNING, "10 frames"),
-    (CanLink(True, None, None, None, None), OK, "up"),
-])
+    (CanLink(True, None, None, None, None), OK, "up")])
 def test_the_adapter(link, level, words):
     finding = doctor.check_adapter(CONFIG.can, link)
     assert finding.level == level and words in finding.says and bool(finding.do) == (level != OK)
@@ -66,16 +65,14 @@ def test_the_adapter(link, level, words):
 
 @pytest.mark.parametrize(("link", "heard", "level"), [
     (WELL, HEARD, OK), (None, HEARD, OK), (replace(WELL, bitrate=250_000), HEARD, FAILURE),
-    (WELL, Heard((), 1.0), FAILURE),
-])
+    (WELL, Heard((), 1.0), FAILURE)])
 def test_the_bitrate(link, heard, level):
     assert doctor.check_bitrate(CONFIG.can, link, heard).level == level
 
 
 @pytest.mark.parametrize(("free_bytes", "writable", "level"), [
     (30_000_000_000, True, OK), (1_500_000_000, True, WARNING), (150_000_000, True, FAILURE), (0, True, FAILURE),
-    (30_000_000_000, False, FAILURE), (None, True, FAILURE),
-])
+    (30_000_000_000, False, FAILURE), (None, True, FAILURE)])
 def test_a_disk_that_is_nearly_full(free_bytes, writable, level):
     assert doctor.check_disk(Path("sessions"), free_bytes, writable).level == level
 
@@ -93,8 +90,7 @@ def test_what_the_system_refuses_is_a_warning_with_its_reason():
 
 @pytest.mark.parametrize(("exposure", "level"), [
     (Exposure(False, 0.005), OK), (Exposure(False, None), OK), (Exposure(True, 0.005), FAILURE),
-    (Exposure(False, 0.051), FAILURE), (Exposure(None, None), WARNING), (None, WARNING),
-])
+    (Exposure(False, 0.051), FAILURE), (Exposure(None, None), WARNING), (None, WARNING)])
 def test_exposure(exposure, level):
     fixed = replace(CONFIG.camera, exposure_s=0.005)
     assert doctor.check_exposure(fixed, exposure).level == OK and "5 ms" in doctor.check_exposure(fixed, exposure).says
@@ -108,8 +104,7 @@ def test_exposure(exposure, level):
 @pytest.mark.skipif(sys.platform != "linux", reason="V4L2 is Linux's")
 @pytest.mark.parametrize(("controls", "exposure"), [
     ({0x9A0901: 1, 0x9A0902: 50}, Exposure(False, 0.005)), ({0x9A0901: 3, 0x9A0902: 157}, Exposure(True, 0.0157)),
-    ({0x9A0902: 50}, Exposure(None, 0.005)), ({}, Exposure(None, None)),
-])
+    ({0x9A0902: 50}, Exposure(None, 0.005)), ({}, Exposure(None, None))])
 def test_a_cameras_controls_are_asked_as_the_kernel_defines_them(monkeypatch, tmp_path, controls, exposure):
     def ioctl(handle, request, data):
         number, _ = struct.unpack("Ii", data)
@@ -157,8 +152,7 @@ def dark(noise, floor=4.0, hot=0, lamp=0):
     ([dark(2.2, lamp=10)], OK, "640"), ([dark(20.0, lamp=20)], OK, "640"), ([dark(2.2, 60.0)], OK, "640"),
     ([None, None, grey(40)], OK, "640 x 480"), ([], FAILURE, "no image"), ([grey(255)], WARNING, "full brightness"),
     ([grey(255, 0.1)], OK, "640"), ([grey(0)], WARNING, "black"),
-    ([LinkLost(CAMERA_ERROR(camera="0", detail="gone"))], FAILURE, "gone"),
-])
+    ([LinkLost(CAMERA_ERROR(camera="0", detail="gone"))], FAILURE, "gone")])
 def test_images(images, level, words):
     finding = doctor.check_camera(Showing(*images), Time())
     assert finding.level == level and words in finding.says
@@ -166,8 +160,7 @@ def test_images(images, level, words):
 
 @pytest.mark.parametrize(("data", "lost", "level", "words"), [
     (make_heartbeat(3), False, OK, "there"), (b"at*00\r\n" + make_heartbeat(3), False, OK, "there"),
-    (b"", False, FAILURE, "silent"), (b"$H,0*00\r\n", False, FAILURE, "cannot be read"), (b"", True, FAILURE, "unpl"),
-])
+    (b"", False, FAILURE, "silent"), (b"$H,0*00\r\n", False, FAILURE, "cannot be read"), (b"", True, FAILURE, "unpl")])
 def test_the_button_box(data, lost, level, words):
     box = Stream()
     box.data, box.lost = data, lost
@@ -211,10 +204,3 @@ def test_the_door_says_all_that_is_wrong_and_ends_with_1(virtual, tmp_path, caps
     told = msgspec.json.decode(capsys.readouterr().out)
     assert told["failures"] == sum(row.startswith("FAILURE") for row in said)
     assert {finding["level"] for finding in told["findings"]} == {"ok", "warning", "failure"}
-
-
-@pytest.mark.parametrize("words", [["--seconds", "0"], ["--seconds", "nan"], ["--priority", "0"],
-                                   ["--endpoints", "nowhere.json"], ["--config", "nowhere.toml"]])
-def test_bad_input_ends_with_2(virtual, words, capsys):
-    assert main(["doctor", "--config", str(virtual), *words]) == 2
-    assert words[1] in capsys.readouterr().err

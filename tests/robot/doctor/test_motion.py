@@ -141,8 +141,7 @@ def test_a_well_robot_moves_a_little_and_passes():
 
 
 @pytest.mark.parametrize(("config", "hood_deg"), [
-    (ALL_SPARK, 40.0), (replace(CONFIG, hood_encoder=NONE.example), None), (CONFIG, 74.0),
-])
+    (ALL_SPARK, 40.0), (replace(CONFIG, hood_encoder=NONE.example), None), (CONFIG, 74.0)])
 def test_other_devices_pass_too(config, hood_deg):
     findings, watched, motion = move(config, hood_deg=hood_deg)
     assert motion.over == "" and not failures(findings), findings
@@ -246,8 +245,7 @@ def test_what_is_not_ours_or_fails_at_rest_is_not_moved():
 
 @pytest.mark.parametrize(("words", "says"), [
     (["--yes"], "--yes: applies with --move or --set only"), (["--move"], "no terminal"),
-    (["--move", "--set", "--yes"], "--move: apart"),
-])
+    (["--move", "--set", "--yes"], "--move: apart")])
 def test_move_without_a_yes_is_refused_before_anything_is_opened(words, says, capsys):
     assert main(["doctor", "--config", str(SHIPPED), *words]) == 2
     assert says in capsys.readouterr().err

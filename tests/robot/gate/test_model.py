@@ -31,15 +31,13 @@ METADATA = {gate_model.KEY_CONTRACT: gate_model.contract_json().decode(),
 # novelty is |hood| / 50: over 1 from 50 degrees on
 def build(weights: dict[str, Any] = WEIGHTS, metadata: dict[str, str] = METADATA, name: str = "features",
           shape: tuple[Any, ...] = ("n", 3), out: str = "p", out_shape: tuple[Any, ...] = ("n", 2),
-          kind: int = TensorProto.FLOAT, last: str = "Sigmoid", far: str = "Abs",
-          two_outputs: bool = True) -> bytes:
+          kind: int = TensorProto.FLOAT, last: str = "Sigmoid", far: str = "Abs", two_outputs: bool = True) -> bytes:
     dtype = helper.tensor_dtype_to_np_dtype(kind)
     graph = helper.make_graph(
         [helper.make_node("Gemm", [name, "w1", "b1"], ["z1"]), helper.make_node("Sigmoid", ["z1"], ["h"]),
          helper.make_node("Gemm", ["h", "w2", "b2"], ["z2"]), helper.make_node(last, ["z2"], [out]),
          helper.make_node("Gemm", [name, "wn", "bn"], ["far"]), helper.make_node(far, ["far"], ["novelty"])],
-        "g", [helper.make_tensor_value_info(name, kind, shape)],
-        [helper.make_tensor_value_info(out, kind, out_shape),
+        "g", [helper.make_tensor_value_info(name, kind, shape)], [helper.make_tensor_value_info(out, kind, out_shape),
          helper.make_tensor_value_info("novelty", kind, (out_shape[0], 1))][:1 + two_outputs],
         [numpy_helper.from_array(np.asarray(array, dtype), key) for key, array in weights.items()])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
@@ -91,8 +89,7 @@ def test_says_where_it_came_from_and_has_its_faces(gate: Gate, path: Path) -> No
 
 
 @given(st.floats(), st.floats(), st.floats())
-def test_no_input_gives_a_nan_or_a_domain_outside_the_box(gate: Gate, distance: float, ratio: float,
-                                                         hood: float) -> None:
+def test_no_input_gives_a_nan_or_a_domain_outside_the_box(gate, distance, ratio, hood):
     one = gate.rate(distance, ratio, hood)
     assert one.in_domain == (2.0 <= distance <= 8.0 and 0.3 <= ratio <= 0.9 and 20.0 <= hood <= 60.0
                              and one.novelty is not None and one.novelty <= 1.0)
@@ -144,8 +141,7 @@ REFUSED = {
     "double precision": (build(kind=TensorProto.DOUBLE), "tensor(double)"),
     "NaN weights": (build(WEIGHTS | {"b1": np.full(8, np.nan)}), "no probability inside its own domain"),
     "infinite weights": (build(WEIGHTS | {"w1": np.full((3, 8), np.inf), "b1": np.full(8, -np.inf)}), "no probability"),
-    "log odds, not p": (build(last="Identity"), "no probability"),
-}
+    "log odds, not p": (build(last="Identity"), "no probability")}
 
 
 @pytest.mark.parametrize("what", REFUSED)
@@ -174,8 +170,7 @@ def test_refuses_no_file_a_directory_and_one_cut_short_anywhere(tmp_path: Path) 
 
 @settings(max_examples=300, deadline=None)
 @given(st.data())
-def test_a_damaged_file_is_refused_or_still_gives_probabilities(tmp_path_factory: pytest.TempPathFactory,
-                                                                data: st.DataObject) -> None:
+def test_a_damaged_file_is_refused_or_still_gives_probabilities(tmp_path_factory, data):
     model = bytearray(build())
     for _ in range(data.draw(st.integers(1, 3))):
         model[data.draw(st.integers(0, len(model) - 1))] = data.draw(st.integers(0, 255))
@@ -248,8 +243,7 @@ def other_file(model: Any) -> None:
 @pytest.mark.parametrize(("change", "words"), [
     (endless_loop, "operation 'Loop' is not one of Abs,"), (own_operation, "its own operations"),
     (other_file, "another file")], ids=lambda value: getattr(value, "__name__", ""))
-def test_refuses_what_has_no_bound_before_onnxruntime_sees_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                                              change: Any, words: str) -> None:
+def test_refuses_what_has_no_bound_before_onnxruntime_sees_it(tmp_path, monkeypatch, change, words):
     path = tmp_path / "gate.onnx"
     path.write_bytes(altered(change))
     for name in ("try_gate", "_open_session"):

@@ -72,8 +72,7 @@ def verdict(inputs=None, memory=None, config=CONFIG, gate=None):
     ("last_sighting", {"distance_m": None}, because.TARGET_NEVER_SEEN()),
     ("last_sighting", {"sigma_m": None}, because.TARGET_NEVER_SEEN()),
     ("last_sighting", {"t_ns": NOW_NS - seconds(0.4)}, because.TARGET_STALE(age_s=0.4)),
-    ("last_sighting", {"t_ns": NOW_NS + seconds(0.4)}, because.TARGET_STALE(age_s=-0.4)),
-])
+    ("last_sighting", {"t_ns": NOW_NS + seconds(0.4)}, because.TARGET_STALE(age_s=-0.4))])
 def test_each_interlock_of_memory_aim_and_target_holds(part, change, reasons):
     """The aim stands from before, so that only the sighting itself can tell where there is no target."""
     memory = good_memory()
@@ -138,8 +137,7 @@ WHEEL, ENCODER = "flywheel motor 2", "hood encoder"
     (spoil_angle(faults_t_ns=NOW_NS - seconds(0.3)), [because.DEVICE_FAULTS_STALE(device=ENCODER, age_s=0.3)]),
     (spoil_angle(magnet_ok=False), [because.MAGNET_LOST()]),
     (replace(good_inputs(), hood_motor=replace(good_inputs().hood_motor, position_rad=0.0)),
-     [because.HOOD_ENCODERS_DISAGREE(encoder_deg=HOOD, screw_deg=15.0)]),
-])
+     [because.HOOD_ENCODERS_DISAGREE(encoder_deg=HOOD, screw_deg=15.0)])])
 def test_each_reading_that_fails_holds_and_says_so(inputs, reasons):
     assert_alike(verdict(inputs).reasons, reasons)
 
@@ -152,8 +150,7 @@ OUTSIDE = because.MODEL_OUTSIDE_DOMAIN()
     ((0.9, 0.8, False), OUTSIDE, (0.9, 0.8)), ((0.9, 0.8, False, 1.0), OUTSIDE, (0.9, 0.8)),
     ((0.9, 0.8, False, 1.7), because.MODEL_OUTSIDE_DOMAIN(novelty=1.7), (0.9, 0.8)),
     ((0.9, None, True), because.MODEL_NOT_FINITE(), (0.9, None)),
-    ((0.9, math.nan, True), because.MODEL_NOT_FINITE(), (0.9, None)),
-])
+    ((0.9, math.nan, True), because.MODEL_NOT_FINITE(), (0.9, None))])
 def test_the_model_can_hold(rating, reason, said):
     assert verdict(config=MODEL, gate=Says(*rating)) == Verdict(False, (reason,), *said)
 
@@ -197,8 +194,7 @@ def test_whether_only_the_model_doubts(reasons, alone):
     (None, replace(good_memory(), last_sighting=replace(good_memory().last_sighting, t_ns=NOW_NS))),
     (None, replace(good_memory(), last_sighting=replace(good_memory().last_sighting, sigma_m=0.0))),
     (None, replace(good_memory(), last_sighting=replace(good_memory().last_sighting, distance_m=0.2))),
-    (None, replace(good_memory(), last_sighting=replace(good_memory().last_sighting, distance_m=20.2))),
-])
+    (None, replace(good_memory(), last_sighting=replace(good_memory().last_sighting, distance_m=20.2)))])
 def test_what_is_just_within_its_limit_may_fire(inputs, memory):
     assert verdict(inputs, memory).reasons == ()
 
@@ -209,8 +205,7 @@ UNSEEN = because.SEVERAL_TARGETS(count=2)
 @pytest.mark.parametrize(("sighting", "reason"), [
     (None, because.TARGET_NEVER_SEEN(cause=UNSEEN)),
     (replace(good_memory().last_sighting, t_ns=NOW_NS - seconds(0.4)), 
-     because.TARGET_STALE(age_s=0.4, cause=UNSEEN)),
-])
+     because.TARGET_STALE(age_s=0.4, cause=UNSEEN))])
 def test_a_target_out_of_sight_holds_with_what_the_newest_image_showed(sighting, reason):
     memory = replace(good_memory(), last_sighting=sighting)
     held = verdict(replace(good_inputs(), unseen=UNSEEN), memory).reasons

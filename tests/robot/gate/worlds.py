@@ -127,8 +127,7 @@ FACTS: dict[str, Fact] = {
     "limit: hood twice": Fact(1.5, limits(1.5)),
     "limit: steady": Fact(0.1, among(math.nan, math.inf, 0.2, 0.7)),
     "family": Fact("odrive", among(*FAMILIES)),
-    "pressed": Fact((), among(("arm",), ("fire",), ("arm", "fire"), ("fire", "arm"), ("two",), ("reject",))),
-}
+    "pressed": Fact((), among(("arm",), ("fire",), ("arm", "fire"), ("fire", "arm"), ("two",), ("reject",)))}
 NAMES = tuple(FACTS)
 IN_CONFIG = tuple(name for name in NAMES if name.startswith(("policy", "limit: ")))
 GOOD: Facts = {name: fact.good for name, fact in FACTS.items()}
@@ -283,8 +282,7 @@ def _memory(facts: Facts) -> Memory:
                         facts["target: distance"] + CONFIG.camera.behind_exit_m, facts["target: sigma"], 0.0)
     return Memory(
         armed=facts["armed"], homed=facts["homed"], trial=3, request_t_ns=NOW_NS - 500 * MS if facts["asked"] else 0,
-        aim=_aim(facts), aim_place_m=facts["aim: place"],
-        steady_t_ns=_stamp(facts["steady"]),
+        aim=_aim(facts), aim_place_m=facts["aim: place"], steady_t_ns=_stamp(facts["steady"]),
         feed_t_ns=_stamp(facts["ball on its way"]), awaiting=facts["unmarked shot"],
         last_sighting=sighting if facts["target: seen"] else None)
 

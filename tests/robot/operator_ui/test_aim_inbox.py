@@ -1,8 +1,6 @@
 """Aim files over HTTP and on the page: taken from who has the token, accepted by a click, everything else refused."""
 
 import json
-import urllib.error
-import urllib.request
 
 import pytest
 from msgspec.structs import replace
@@ -10,6 +8,7 @@ from msgspec.structs import replace
 from tests.robot.aim_files import sealed
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.operator_ui.browser import BROWSER, Browser, Shower
+from tests.waiting import ask
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.aim_inbox import MAX_AIM_BYTES, AimInbox, AimOrders
 from truearc.robot.operator_ui.server import OperatorPage
@@ -34,13 +33,9 @@ def token_of(inbox):
 
 def send(page, method, path, body, **headers):
     """(status, what is said)."""
-    request = urllib.request.Request(page.url.rstrip("/") + path, body, method=method, headers={
-        "Content-Type": "application/json", **{name.replace("_", "-"): value for name, value in headers.items()}})
-    try:
-        with urllib.request.urlopen(request, timeout=10) as answer:
-            return answer.status, json.load(answer)
-    except urllib.error.HTTPError as error:
-        return error.code, json.load(error)
+    headers = {name.replace("_", "-"): value for name, value in headers.items()}
+    status, _, said = ask(page._server.server_port, path, method, body, {"Content-Type": "application/json", **headers})
+    return status, json.loads(said)
 
 
 def test_a_file_is_sent_offered_and_accepted(page, inbox, tmp_path):

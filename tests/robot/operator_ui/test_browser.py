@@ -19,8 +19,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.skipif(BROWSER 
 
 GOOD = step(good_inputs(), good_memory(), CONFIG, None)
 GONE = CAN_LOST(cause=CAN_ADAPTER_ERROR(bus="CAN slcan /dev/ttyACM0", detail="gone"))
-LOST = step(replace(good_inputs(), faults=(GONE,),
-                    sighting=Sighting(NOW_NS, False, IMAGE_DARK())),
+LOST = step(replace(good_inputs(), faults=(GONE,), sighting=Sighting(NOW_NS, False, IMAGE_DARK())),
             replace(good_memory(), last_sighting=replace(GOOD.memory.last_sighting, t_ns=NOW_NS - seconds(2.1))),
             CONFIG, None)
 MANY = step(replace(good_inputs(), faults=(GONE, BOX_SILENT()), sighting=Sighting(NOW_NS, False, IMAGE_DARK())),

@@ -10,6 +10,7 @@ from http.client import HTTPConnection
 import pytest
 
 import truearc.robot.operator_ui.server
+from tests import waiting
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.operator_ui.browser import Shower
 from truearc.hw.real.clock import MonotonicClock
@@ -44,12 +45,7 @@ def port(page):
 
 def ask(page, path="/", method="GET", **headers):
     """(status, headers, body)"""
-    line = HTTPConnection(page._server.server_name, port(page), timeout=20)
-    line.request(method, path, None, headers)
-    answer = line.getresponse()
-    result = answer.status, answer.headers, answer.read()
-    line.close()
-    return result
+    return waiting.ask(port(page), path, method, None, headers, page._server.server_name)
 
 
 class Events:

@@ -16,10 +16,8 @@ from tests.robot.samples import check, sample
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.fault_codes import CAMERA_SILENT, CAN_BUS_OFF
 from truearc.hw.protocols import AngleReading, MotorReading
 from truearc.hw.reason import FAULT, YOU, Reason
-from truearc.robot import reasons as because
 from truearc.robot import reasons as bot
 from truearc.robot.aim import IDLE
 from truearc.robot.estimate import estimate
@@ -141,8 +139,8 @@ def test_what_the_driver_can_fix_comes_first_and_motors_as_one():
     assert told[0].reasons == ("flywheel motor 1: no frames for 0.31 s", "hood encoder: no frames for 0.30 s")
 
 
-UNPLUGGED = because.CAMERA_LOST(cause=CAMERA_SILENT(camera="0"))
-GONE = because.CAN_LOST(cause=CAN_BUS_OFF(bus="CAN"))
+UNPLUGGED = bot.CAMERA_LOST(cause=hw.CAMERA_SILENT(camera="0"))
+GONE = bot.CAN_LOST(cause=hw.CAN_BUS_OFF(bus="CAN"))
 GOOD = step(good_inputs(), good_memory(), CONFIG, None)
 READY = step(good_inputs(), replace(good_memory(), request_t_ns=0), CONFIG, None)
 
@@ -208,24 +206,22 @@ def test_numbers_have_their_units_and_what_stands_in_the_way_is_marked():
 def test_each_link_has_its_age_and_the_newest_sighting_is_kept():
     old = replace(good_inputs(), hood_motor=replace(good_inputs().hood_motor, t_ns=NOW_NS - seconds(2.5)),
                   feeder=replace(good_inputs().feeder, heartbeat_t_ns=0), hood_angle=None,
-                  sighting=Sighting(NOW_NS - seconds(0.02), False, because.IMAGE_BRIGHT()),
-                  faults=(because.BOX_SILENT(),))
+                  sighting=Sighting(NOW_NS - seconds(0.02), False, bot.IMAGE_BRIGHT()), faults=(bot.BOX_SILENT(),))
     view = seen(step(old, replace(good_memory(), last_sighting=None), CONFIG, None))
     links = {one.name: (one.value, one.ok) for block in view.blocks[-1:] for one in block.lines}
     assert links == {"flywheel motor 1": ("4 ms / 4 ms", True), "flywheel motor 2": ("4 ms / 4 ms", True),
                      "hood motor": ("2.5 s / 4 ms", False), "feeder motor": ("4 ms / never", False),
                      "hood encoder": ("never", False), "camera": ("20 ms", True), "button box": ("gone", False)}
-    assert line(view, "Aim", "target").value == "never seen: " + because.text(because.IMAGE_BRIGHT())
-    blind = step(replace(good_inputs(), sighting=Sighting(NOW_NS, False, because.IMAGE_DARK())),
+    assert line(view, "Aim", "target").value == "never seen: " + bot.text(bot.IMAGE_BRIGHT())
+    blind = step(replace(good_inputs(), sighting=Sighting(NOW_NS, False, bot.IMAGE_DARK())),
                  replace(good_memory(), last_sighting=None), CONFIG, None)
     after = step(good_inputs(), replace(good_memory(), last_sighting=None), CONFIG, None)
-    assert line(seen(blind, after), "Aim", "target").value == "never seen: " + because.text(because.IMAGE_DARK())
+    assert line(seen(blind, after), "Aim", "target").value == "never seen: " + bot.text(bot.IMAGE_DARK())
 
 
 @pytest.mark.parametrize(("recording", "faults", "value", "ok"), [
     ("monday", (), "monday", True), ("", (), "nothing is recorded", False),
-    ("monday", (because.NOT_RECORDING(cause=because.DISK_FULL()),), "not recording: no space left on the disk", False),
-])
+    ("monday", (bot.NOT_RECORDING(cause=bot.DISK_FULL()),), "not recording: no space left on the disk", False)])
 def test_whether_it_is_recorded(recording, faults, value, ok):
     view = seen(step(replace(good_inputs(), faults=faults), good_memory(), CONFIG, None), recording=recording)
     assert (line(view, "Robot", "recording").value, line(view, "Robot", "recording").ok) == (value, ok)
@@ -241,7 +237,7 @@ def marked(trial, outcome, *reasons) -> Tick:
 
 def test_shots_and_marks_of_the_session_newest_first():
     view = seen(fired(0), marked(0, "three"), fired(1), marked(1, "two"),
-                marked(2, "held", because.TARGET_NEVER_SEEN()), fired(3))
+                marked(2, "held", bot.TARGET_NEVER_SEEN()), fired(3))
     lines = [(one.name, one.value) for block in view.blocks if block.title == "Shots" for one in block.lines]
     assert lines == [("this session", "3 fired: 1 held, 1 three, 1 two"), ("3 from 5.00 m", "not marked yet"),
                      ("2", "held: Target not seen yet"), ("1 from 5.00 m", "two"), ("0 from 5.00 m", "three")]

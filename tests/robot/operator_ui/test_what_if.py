@@ -8,8 +8,6 @@ import os
 import socket
 import subprocess
 import sys
-import threading
-from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
@@ -18,7 +16,9 @@ from hypothesis import strategies as st
 
 import truearc.robot.operator_ui.server
 import truearc.robot.operator_ui.what_if
+from tests import waiting
 from tests.robot.good_tick import CONFIG
+from tests.waiting import SetClock, serving
 from truearc.cli.gate import NICE, make_command
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.gate import FEATURES, NO_RATING, load_gate
@@ -37,20 +37,8 @@ not_numbers = st.one_of(st.none(), st.booleans(), st.text(), st.dictionaries(st.
                         st.just([0.5, "0.5"]))
 
 
-class Stopped:
-    """A clock that stands still until it is moved."""
-
-    t_ns = 0
-
-    def now_ns(self):
-        return self.t_ns
-
-    def sleep_until_ns(self, t_ns):
-        raise AssertionError
-
-
 def what_if(threshold=0.3, gate=GATE):
-    return asking.WhatIf(gate, threshold, 594.0, Stopped())
+    return asking.WhatIf(gate, threshold, 594.0, SetClock())
 
 
 def answered(asked, body):
@@ -166,22 +154,14 @@ JSON = {"Content-Type": "application/json"}
 @pytest.fixture(params=["127.0.0.1"])
 def server(request):
     what_if = WhatIf(GATE, CONFIG.gate.threshold, None, MonotonicClock())
-    with PageServer(request.param, 0, None, what_if) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
+    with serving(PageServer(request.param, 0, None, what_if)) as server:
         yield server
-        server.shutdown()
-        thread.join()
 
 
 def ask(server, body, path="/predict", method="POST", headers=JSON):
     """(status, headers, JSON)"""
-    line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)
-    line.request(method, path, body, headers)
-    answer = line.getresponse()
-    result = answer.status, answer.headers, json.loads(answer.read())
-    line.close()
-    return result
+    status, answered, said = waiting.ask(server.server_port, path, method, body, headers)
+    return status, answered, json.loads(said)
 
 
 def test_answer_is_the_gates_and_compressed_where_it_is_long(server):
@@ -193,12 +173,9 @@ def test_answer_is_the_gates_and_compressed_where_it_is_long(server):
     assert ask(server, json.dumps(GOOD), headers={"Content-Type": "application/json; charset=utf-8"})[0] == 200
     asked = json.dumps({**GOOD, "distance_m": [2.0 + 0.01 * k for k in range(200)]})
     plain = ask(server, asked)[2]
-    line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)
-    line.request("POST", "/predict", asked, JSON | {"Accept-Encoding": "gzip, deflate"})
-    answer = line.getresponse()
-    body = answer.read()
-    line.close()
-    assert answer.headers["Content-Encoding"] == "gzip" and json.loads(gzip.decompress(body)) == plain
+    packed = JSON | {"Accept-Encoding": "gzip, deflate"}
+    _, headers, body = waiting.ask(server.server_port, "/predict", "POST", asked, packed)
+    assert headers["Content-Encoding"] == "gzip" and json.loads(gzip.decompress(body)) == plain
     assert len(body) < 0.6 * len(json.dumps(plain))
 
 

@@ -1,7 +1,6 @@
 """The map and the sliders in a browser: they agree with the robot's gate, fit the screen, and say what is wrong."""
 
 import json
-import threading
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.operator_ui.browser import BROWSER, Browser, Shower
 from tests.robot.operator_ui.test_what_if import GATE
+from tests.waiting import serving
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.server import OperatorPage, PageServer
 from truearc.robot.operator_ui.what_if import LAPTOP_RATE_PER_S, WhatIf
@@ -32,12 +32,8 @@ TEXT = "document.getElementById('{}').innerText"
 @pytest.fixture(scope="module")
 def server():
     what_if = WhatIf(GATE, THRESHOLD, FREE_SPEED_RAD_S, MonotonicClock(), LAPTOP_RATE_PER_S)
-    with PageServer("127.0.0.1", 0, None, what_if) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
+    with serving(PageServer("127.0.0.1", 0, None, what_if)) as server:
         yield server
-        server.shutdown()
-        thread.join()
 
 
 @pytest.fixture(scope="module")

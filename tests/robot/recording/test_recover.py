@@ -325,8 +325,7 @@ def test_marked_shots_outlive_their_telemetry(session: Path) -> None:
                                             ('{"rig":5}', "rig: a table is expected")])
 @pytest.mark.parametrize("command", [
     ["session", "replay", "--check"], ["shots"], ["session", "convert", "--to", "csv"]], ids=lambda words: words[-1])
-def test_a_configuration_that_is_none_is_named(session: Path, tmp_path: Path, command: list[str], text: str, said: str,
-                                               capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_configuration_that_is_none_is_named(session, tmp_path, command, text, said, capsys):
     (session / "config.json").write_text(text)
     out = [] if "replay" in command else ["-o", str(tmp_path / "out")]
     assert main([*command, str(session), *out]) == 2

@@ -4,7 +4,6 @@ import os
 import signal
 import sys
 import threading
-import time
 from contextlib import ExitStack
 
 import numpy as np
@@ -18,6 +17,7 @@ from tests.robot.good_tick import CONFIG, good_inputs
 from tests.robot.test_rig import Wire
 from tests.robot.test_run_door import CONFIG as SHIPPED
 from tests.robot.test_run_door import Box
+from tests.waiting import PATIENCE_S, wait_until
 from truearc.cli.main import main
 from truearc.cli.run_processes import RecorderProcess
 from truearc.errors import InputError
@@ -102,9 +102,6 @@ def test_a_process_killed_at_a_random_moment_loses_no_mark_and_little_else(plain
     assert killed.faults == [] and killed.marks_lost == 0 and killed.lost_s <= 0.25
 
 
-PATIENCE_S = 30.0                     # of a loaded machine
-
-
 @pytest.fixture(autouse=True)
 def patient(monkeypatch):
     monkeypatch.setattr(far_keeper, "MARK_S", PATIENCE_S)
@@ -130,15 +127,7 @@ def recorder(process, tmp_path):
 
 
 def open_recorder(folder, process=None):
-    return SessionWriter(folder, make_header(CONFIG, None, None), CONFIG, None, lossless=process is None,
-                         open_keeper=None if process is None else process.open_keeper)
-
-
-def until(true, limit_s=PATIENCE_S):
-    end = time.monotonic() + limit_s
-    while not true() and time.monotonic() < end:
-        time.sleep(0.005)
-    assert true()
+    return open_writer(folder, process is None, None if process is None else process.open_keeper)
 
 
 def test_the_files_are_those_of_one_process(process, tmp_path):
@@ -169,12 +158,12 @@ def test_a_marked_trial_is_on_disk_when_its_tick_is_over(recorder, tmp_path):
 def test_a_killed_recorder_is_told_at_once_and_loses_no_marked_trial(process, recorder, tmp_path):
     some = list(ticks(400, marks=(50, 150, 250)))
     play(recorder, some[:200])
-    until(lambda: len(load_trials(tmp_path / "s")) == 2)
+    wait_until(lambda: len(load_trials(tmp_path / "s")) == 2)
     assert recorder.trouble() is None and not recorder.is_over()
     os.kill(process.child.pid, signal.SIGKILL)
-    until(lambda: recorder.trouble() == PROCESS_KILLED(process="recorder", signal=9), 1.0)
+    wait_until(lambda: recorder.trouble() == PROCESS_KILLED(process="recorder", signal=9), 1.0)
     play(recorder, some[200:])                             # and nothing waits for it
-    until(recorder.is_over)
+    wait_until(recorder.is_over)
     recorder.close()
     assert str(recorder.failed) == "the recorder process ended (signal 9)" and recorder.dropped > 0
     assert [trial.outcome.trial for trial in load_trials(tmp_path / "s")] == [0, 1, 2]
@@ -186,7 +175,7 @@ def test_a_killed_recorder_is_told_at_once_and_loses_no_marked_trial(process, re
 def test_a_run_whose_recorder_is_gone_waits_for_the_mark_of_a_shot_that_is_out_but_not_for_ever(process, recorder):
     out = [replace(tick, memory=replace(tick.memory, awaiting=True)) for tick in ticks(20)]
     os.kill(process.child.pid, signal.SIGKILL)
-    until(process.child.is_gone)
+    wait_until(process.child.is_gone)
     play(recorder, out[:10])
     assert not recorder.is_over()
     play(recorder, [replace(out[10], inputs=replace(out[10].inputs, t_ns=MARKING_NS + 45 * MS))])
@@ -202,7 +191,7 @@ def test_a_stopped_recorder_does_not_answer_and_goes_on_with_nothing_lost(proces
     some = list(ticks(3000, marks=(50, 1000)))
     play(recorder, some[:200])
     os.kill(process.child.pid, signal.SIGSTOP)
-    until(lambda: recorder.trouble() == RECORDER_UNRESPONSIVE(), 3.0)
+    wait_until(lambda: recorder.trouble() == RECORDER_UNRESPONSIVE(), 3.0)
     play(recorder, some[200:])                             # far more than a pipe holds; only the mark is waited for
     assert not recorder.is_over()
     os.kill(process.child.pid, signal.SIGCONT)
@@ -211,7 +200,7 @@ def test_a_stopped_recorder_does_not_answer_and_goes_on_with_nothing_lost(proces
         recorder._keeper.push()
         return recorder.trouble() is None
 
-    until(is_well)
+    wait_until(is_well)
     recorder.close()
     assert recorder.failed is None and recorder.dropped == 0
     assert kept_cycles(tmp_path / "s") == list(range(1, 3001)) and len(load_trials(tmp_path / "s")) == 2
@@ -250,13 +239,13 @@ def test_a_full_disk_over_there_is_a_hold_here_and_space_made_in_time_loses_noth
     soft, hard = resource.getrlimit(limit)
     some = list(ticks(1000, marks=(100, 900)))
     play(recorder, some[:200])
-    until(lambda: len(load_trials(tmp_path / "s")) == 1)
+    wait_until(lambda: len(load_trials(tmp_path / "s")) == 1)
     resource.prlimit(pid, limit, (2500, hard))
     play(recorder, some[200:600])
-    until(lambda: recorder.trouble() == DISK_ERROR(detail="File too large"))
+    wait_until(lambda: recorder.trouble() == DISK_ERROR(detail="File too large"))
     resource.prlimit(pid, limit, (soft, hard))
     play(recorder, some[600:])
-    until(lambda: recorder.trouble() is None)
+    wait_until(lambda: recorder.trouble() is None)
     recorder.close()
     assert recorder.failed is None
     assert kept_cycles(tmp_path / "s") == list(range(1, 1001)) and len(load_trials(tmp_path / "s")) == 2
@@ -271,7 +260,7 @@ def test_files_that_cannot_be_opened_there_are_bad_input_here(process, tmp_path)
 @posix
 def test_what_is_no_message_ends_the_recorder_and_is_told(process, recorder):
     process._outbox.put(b"\xc1")
-    until(lambda: recorder.trouble() == PROCESS_ENDED(process="recorder", exit_code=1))
+    wait_until(lambda: recorder.trouble() == PROCESS_ENDED(process="recorder", exit_code=1))
     recorder.close()
     assert recorder.failed is not None
 

@@ -102,8 +102,7 @@ def test_its_recording_replays_to_the_bit_with_its_file_and_not_without(session:
         replay(other)
 
 
-def test_the_inbox_offers_the_newest_sound_file_once_and_keeps_it(
-        aim_file: Path, table: ta.AimTable, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_inbox_offers_the_newest_sound_file_once_and_keeps_it(aim_file, table, tmp_path, capsys):
     folder, session = tmp_path / "in", tmp_path / "s"
     folder.mkdir()
     session.mkdir()

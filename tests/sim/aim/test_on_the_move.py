@@ -159,8 +159,7 @@ def test_the_launcher_must_point_by_the_lead(file: AimFile) -> None:
 @pytest.mark.parametrize(("kwargs", "code"), [
     ({"velocity": False}, "robot_speed_unknown"), ({"age_s": 0.2}, "robot_speed_unknown"),
     ({"age_s": -0.1}, "robot_speed_unknown")])
-def test_a_velocity_that_is_missing_or_old_is_a_hold_aimed_as_at_rest(kwargs: dict[str, float], code: str,
-                                                                      file: AimFile) -> None:
+def test_a_velocity_that_is_missing_or_old_is_a_hold_aimed_as_at_rest(kwargs, code, file):
     tick, _ = drive(1.2, 0.0, {"": file}, **kwargs)      # type: ignore[arg-type]
     assert [reason.code for reason in tick.verdict.reasons] == [code]
     assert tick.aim.hood_deg == file.at(5.0).hood_deg    # type: ignore[union-attr]

@@ -58,16 +58,14 @@ def season(rng: np.random.Generator, rigs: int, shots: int = 40, near: bool = Fa
     slip = rng.uniform(0.7, 1.0, (rigs, 1)) * rng.normal(1.0, 0.05 if near else 0.02, (rigs, shots))
     kept = high < 40.0
     return [Dataset(f"rig {k}", Rig(Ball(float(mass[k, 0]), float(radius[k, 0])), LauncherFacts(0.6, None, WHEELS),
-                                    Target(0.6 + float(rise[k, 0]))),
-                    Shots(tuple(map(str, range(kept[k].sum()))),
+                                    Target(0.6 + float(rise[k, 0]))), Shots(tuple(map(str, range(kept[k].sum()))),
                           {"distance_m": distance[k, kept[k]], "hood_deg": hood[k, kept[k]],
                            **{f"wheel_{name}_rad_s": (high / slip)[k, kept[k]] / 0.05 for name in ("upper", "lower")}},
                           {"outcome": ("two", "three") * (kept[k].sum() // 2) + ("two",) * (kept[k].sum() % 2)}))
             for k in range(rigs)]
 
 
-def height_at(speed: np.ndarray, hood: np.ndarray, drag: np.ndarray, distance: np.ndarray,
-              lift: float) -> np.ndarray:
+def height_at(speed: np.ndarray, hood: np.ndarray, drag: np.ndarray, distance: np.ndarray, lift: float) -> np.ndarray:
     """Height above the muzzle where a ball passes a distance; minus infinity where it never gets there; lift: by
     backspin in proportion to speed, over drag."""
     vx, vz = speed * np.cos(np.radians(hood)), speed * np.sin(np.radians(hood))

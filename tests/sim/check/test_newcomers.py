@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -69,16 +68,6 @@ def test_sound_tables_in_feet_are_read(seed: int, steep: bool) -> None:
     assert check_plausible(table(seed, steep)).accepted == ()
 
 
-@pytest.mark.parametrize(("factor", "said"), [
-    (0.3048 / 0.0254, r"Dist \(ft\): these look like inches: rename the column to Dist \(in\); .*the file's Dist \(ft"),
-    (0.3048, r"Dist \(ft\): these look like metres: rename the column to Dist \(m\)")])
-def test_another_unit_under_a_heading_of_feet_is_named(factor: float, said: str) -> None:
-    sound = table(0, steep=False)
-    wrong = {**sound.shots.numbers, "distance_m": factor * sound.shots.number("distance_m")}
-    with pytest.raises(InputError, match=said):
-        check_plausible(replace(sound, shots=replace(sound.shots, numbers=wrong)))
-
-
 DIST, HOOD = "Dist (ft)", "Hood angle"
 
 
@@ -87,8 +76,7 @@ DIST, HOOD = "Dist (ft)", "Hood angle"
     (lambda own: {DIST: 12.0 * own[DIST]}, r"Dist \(ft\): these look like inches: rename the column to Dist \(in\);"),
     (lambda own: {DIST: 0.3048 * own[DIST]}, r"Dist \(ft\): these look like metres: rename the column to Dist \(m\);"),
     (lambda own: {DIST: own[HOOD], HOOD: own[DIST]}, r"Dist \(ft\), Hood angle: these look exchanged")])
-def test_what_was_imported_is_said_by_its_own_headings_with_the_command(
-        wrong: Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]], said: str, tmp_path: Path) -> None:
+def test_what_was_imported_is_said_by_its_own_headings_with_the_command(wrong, said, tmp_path):
     sound = table(0, steep=True)
     shots, out, mine = sound.shots, tmp_path / "out", tmp_path / "mine.csv"
     own = {DIST: shots.number("distance_m") / 0.3048, HOOD: shots.number("hood_deg"),

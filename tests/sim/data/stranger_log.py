@@ -19,8 +19,7 @@ SIGNALS = {
     "/SystemStats/BatteryVoltage": ("float", "V"),
     "/RealOutputs/Feeder/Running": ("bool", ""),
     "/RealOutputs/ShotResult": ("text", ""),
-    "/DriverStation/MatchTime": ("float", "s"),
-}
+    "/DriverStation/MatchTime": ("float", "s")}
 RADIAN = 57.29577951308232
 
 

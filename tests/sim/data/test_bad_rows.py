@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 import truearc as ta
 from tests.sim.data.files import GOOD, HEADER, RIG, write
-from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Rig
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots, Times, join_datasets
@@ -29,8 +28,7 @@ BAD_ROWS = {
     "a,3,50,0.5,two,,,": "3: shot_id: 'a' stands already in",
     ",3,50,0.5,two,,,": "3: shot_id: is missing",
     "b,3,50,0.5,two": "3: 5 cells where the header has 8",
-    "b,3,50,0.5,two,,,,9": "3: 9 cells where the header has 8",
-}
+    "b,3,50,0.5,two,,,,9": "3: 9 cells where the header has 8"}
 SOUND, TRACK, TRACE = f"{HEADER}\n{GOOD}\n", "shot_id,t_s,x_m,y_m,z_m\na,0,0,0,1\n", "shot_id,t_s,signal,value\n"
 
 
@@ -48,21 +46,21 @@ SOUND, TRACK, TRACE = f"{HEADER}\n{GOOD}\n", "shot_id,t_s,x_m,y_m,z_m\na,0,0,0,1
     (SOUND, {"traces": f"{TRACE}a,0,,1\n"}, "traces.csv:2: signal: is missing"),
     (SOUND, {"traces": f"{TRACE}a,0,battery_v,full\n"}, "traces.csv:2: value: 'full' is not a finite number")])
 def test_a_bad_row_or_file_is_named(tmp_path, shots, more, message):
-    with pytest.raises(InputError) as error:
+    with pytest.raises(ta.InputError) as error:
         load_dataset(write(tmp_path, shots, **more))
     assert message in str(error.value) and len(str(error.value).splitlines()) == 1
 
 
 def test_a_blank_line_and_a_cell_of_two_lines_do_not_shift_the_count(tmp_path):
     write(tmp_path, f'{HEADER}\n{GOOD}\n\nb,3,50,0.5,two,,"day\n2",20\nc,3,99,0.5,two,,,\n')
-    with pytest.raises(InputError, match=r"shots\.csv:6: hood_deg"):
+    with pytest.raises(ta.InputError, match=r"shots\.csv:6: hood_deg"):
         load_dataset(tmp_path)
 
 
 def test_all_problems_are_listed_up_to_twenty(tmp_path):
     rows = "\n".join(f"r{number},far" for number in range(23))
     write(tmp_path, f"{HEADER}\nr,3,50,0.5,two,,,\n{rows}\n", tracks="shot_id,t_s,x_m,y_m,z_m\nr,0,0,0,\n")
-    with pytest.raises(InputError) as error:
+    with pytest.raises(ta.InputError) as error:
         load_dataset(tmp_path)
     lines = str(error.value).splitlines()
     assert len(lines) == 21
@@ -73,7 +71,7 @@ def test_all_problems_are_listed_up_to_twenty(tmp_path):
 def test_the_same_fault_of_many_cells_is_said_once(tmp_path):
     rows = "\n".join(f"r{number},3.2m,50,0.5,two,,," for number in range(23))
     write(tmp_path, f"{HEADER}\n{rows}\n")
-    with pytest.raises(InputError, match=r"shots\.csv:2: distance_m: '3.2m' is not a finite number; write digits "
+    with pytest.raises(ta.InputError, match=r"shots\.csv:2: distance_m: '3.2m' is not a finite number; write digits "
                                          r"alone, and the unit in the column's name; .*; here and in 22 more rows$"):
         load_dataset(tmp_path)
 
@@ -81,17 +79,17 @@ def test_the_same_fault_of_many_cells_is_said_once(tmp_path):
 def test_bytes_that_are_no_text_are_named(tmp_path):
     write(tmp_path, "")
     (tmp_path / "shots.csv").write_bytes(b"shot_id,session\na,x\nb,\xff\n")
-    with pytest.raises(InputError, match=r"shots\.csv:3: not UTF-8"):
+    with pytest.raises(ta.InputError, match=r"shots\.csv:3: not UTF-8"):
         load_dataset(tmp_path)
 
 
 def test_missing_files_are_named(tmp_path):
-    with pytest.raises(InputError, match="no such directory"):
+    with pytest.raises(ta.InputError, match="no such directory"):
         load_dataset(tmp_path / "nowhere")
-    with pytest.raises(InputError, match=r"rig\.toml"):
+    with pytest.raises(ta.InputError, match=r"rig\.toml"):
         load_dataset(tmp_path)
     (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
-    with pytest.raises(InputError, match=r"neither shots\.csv nor shots\.parquet"):
+    with pytest.raises(ta.InputError, match=r"neither shots\.csv nor shots\.parquet"):
         load_dataset(tmp_path)
 
 
@@ -103,7 +101,7 @@ def test_any_text_is_read_or_refused(tmp_path_factory, text):
     (home / "shots.csv").write_bytes(text.encode())
     try:
         shots = load_dataset(home).shots
-    except InputError as error:
+    except ta.InputError as error:
         assert "shots.csv" in str(error)
     else:
         assert all(np.isfinite(column[~np.isnan(column)]).all() for column in shots.numbers.values())

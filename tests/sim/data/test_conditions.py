@@ -88,8 +88,7 @@ def _traces(*rows) -> Traces:
 def test_the_dip_of_the_wheels_by_its_mean():
     """Shot 0: 10 % and 20 % on the two wheels; shot 1: 5 % on the one that was recorded; shot 2: nothing."""
     low, up = "wheel_lower_rad_s", "wheel_upper_rad_s"
-    traces = _traces(
-        (0, -0.5, low, 500.0), (0, 0.0, low, 400.0), (0, 0.05, low, 360.0), (0, 0.2, low, 390.0),
+    traces = _traces((0, -0.5, low, 500.0), (0, 0.0, low, 400.0), (0, 0.05, low, 360.0), (0, 0.2, low, 390.0),
         (1, 0.04, low, 285.0), (1, 0.0, low, 300.0), (1, 0.0, "battery_v", 12.0), (1, 0.1, "battery_v", 9.0),
         (0, 0.0, up, 200.0), (0, 0.1, up, 160.0), (2, -0.1, up, 300.0), (2, 0.0, up, 300.0))
     dataset = _dataset(motor_ratio=[0.5, 0.5, 0.5], traces=traces)

@@ -38,8 +38,7 @@ def wheel(shots_s: list[float], rate_hz: float, depth: float, speed: float = 400
 @given(waits=st.lists(st.floats(0.35, 4.0), min_size=1, max_size=12),
        rate_hz=st.sampled_from([20.0, 50.0, 100.0, 200.0]), depth=st.floats(0.03, 0.2),
        seed=st.integers(0, 100), told=st.booleans())
-def test_every_ball_is_found_once_and_just_before_it_touches(waits: list[float], rate_hz: float, depth: float,
-                                                             seed: int, told: bool) -> None:
+def test_every_ball_is_found_once_and_just_before_it_touches(waits, rate_hz, depth, seed, told):
     shots_s = list(4.0 + np.cumsum(waits))
     speed, wanted = wheel(shots_s, rate_hz, depth, noise=0.3, seed=seed)
     found = find_dips(speed, wanted if told else None, LEAST)

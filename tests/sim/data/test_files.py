@@ -21,8 +21,7 @@ WORDS = st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\x00")
 
 
 def test_reads_what_formats_md_shows(tmp_path):
-    data = load_dataset(write(
-        tmp_path, f"{HEADER},grip\n{GOOD},new\nb,4,45,,miss,low,,,\n",
+    data = load_dataset(write(tmp_path, f"{HEADER},grip\n{GOOD},new\nb,4,45,,miss,low,,,\n",
         tracks="shot_id,t_s,x_m,y_m,z_m\na,0,0.1,0,0.8\na,0.01,0.2,0,0.9\nb,0,0,0,1\n",
         traces="shot_id,t_s,signal,value\nb,0.5,battery_v,12.1\n"))
     assert data.shots.shot_id == ("a", "b")
@@ -149,8 +148,7 @@ def test_an_infinite_number_is_not_written(tmp_path):
     ("[target]", "[world]\ngravity_m_s2 = -9.81\n[target]",
      "world.gravity_m_s2: -9.81 must be above 0; it is a size and points down: write 9.81"),
     ("[target]", '[believe]\nterms = ["drag", "drag"]\n[target]', "believe.terms: 'drag' stands there more than once"),
-    ("[target]", "[air]\ndensity_kg_m3 = -1.0\n[target]", "air.density_kg_m3: -1.0 must not be below 0"),
-])
+    ("[target]", "[air]\ndensity_kg_m3 = -1.0\n[target]", "air.density_kg_m3: -1.0 must not be below 0")])
 def test_a_bad_rig_is_named(tmp_path, old, new, message):
     with pytest.raises(InputError) as error:
         load_dataset(write(tmp_path, f"{HEADER}\n{GOOD}\n", rig=RIG.replace(old, new)))
@@ -158,8 +156,7 @@ def test_a_bad_rig_is_named(tmp_path, old, new, message):
     assert message in str(error.value)
 
 
-def test_a_key_that_is_not_known_is_named_beside_the_one_that_is_missing(tmp_path: Path,
-                                                                        capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_key_that_is_not_known_is_named_beside_the_one_that_is_missing(tmp_path, capsys):
     path = tmp_path / "rig.toml"
     path.write_text("[ball]\nmass_g = 140\nradius_m = 0.09\n")
     with pytest.raises(InputError, match=r"ball\.mass_kg: missing key"):

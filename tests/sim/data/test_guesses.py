@@ -101,8 +101,7 @@ def rows(*words: str) -> str:
     (RIG, ("in", "rim in", "back rim", "off rim"), "in=hit,rim in=hit,back rim=miss-high,off rim=miss"),
     (PRINTED, ("two", "rim in", "in and out"), "two=two,rim in=two,in and out=miss"),
     (PRINTED, ("inner", "outer", "miss"), "inner=three,outer=two,miss=miss")])
-def test_a_word_that_is_not_certain_is_asked_about(rig: str, words: tuple[str, ...], proposed: str, tmp_path: Path,
-                                                   capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_word_that_is_not_certain_is_asked_about(rig, words, proposed, tmp_path, capsys):
     mine, out = write(tmp_path, "mine.csv", rows(*words, *words)), tmp_path / "out"
     line = ["import", "csv", str(mine), "--rig", str(write(tmp_path, "rig.toml", rig)), "-o", str(out), "--guess"]
     assert main(line) == 2

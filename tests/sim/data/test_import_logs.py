@@ -17,11 +17,9 @@ from tests.sim.data import stranger_log
 from tests.sim.data.stranger_log import write_stranger_log
 from truearc import robot
 from truearc.cli.main import main
-from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
 from truearc.robot.config.shot_map import load_map
 from truearc.robot.recording.session import TRIALS, load_trials
-from truearc.sim.data.files import load_dataset, save_dataset
 from truearc.sim.data.log import Series, state_or_pulse
 from truearc.sim.data.recordings import label_by_repeatability, rule, shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate
@@ -68,8 +66,7 @@ def test_traces_show_the_wheel_droop_that_the_world_had(practice):
 
 @pytest.mark.parametrize(("r2", "r3", "label"), [
     (1.0, 1.0, "three"), (1.0, 0.8, "three"), (1.0, 0.79, "two"), (0.95, 0.0, "two"), (0.8, 0.5, "two"),
-    (0.74, 0.7, None), (0.5, 0.0, None), (0.0, 0.0, "miss"),
-])
+    (0.74, 0.7, None), (0.5, 0.0, None), (0.0, 0.0, "miss")])
 def test_the_papers_rule(r2, r3, label):
     assert rule(r2, r3) == label
 
@@ -83,15 +80,15 @@ def test_labelling_groups_by_configuration(practice, tmp_path):
     expected = [rule(1.0 - said.count("miss") / len(said), said.count("three") / len(said)) for said in groups.values()]
     assert list(labelled.shots.text("outcome")) == [label for label in expected if label is not None]
     assert len(labelled.shots) + sum("not repeatable" in line for line in labelled.left_out) == len(groups)
-    save_dataset(tmp_path / "labelled", labelled)
-    assert len(load_dataset(tmp_path / "labelled").shots) == len(labelled.shots)
+    ta.save_dataset(tmp_path / "labelled", labelled)
+    assert len(ta.load_dataset(tmp_path / "labelled").shots) == len(labelled.shots)
 
 
 def test_session_without_a_marked_shot_is_refused(practice, tmp_path):
     held = shutil.copytree(practice[0], tmp_path / "held")
     rows = [replace(trial, outcome=replace(trial.outcome, outcome="rejected")) for trial in load_trials(held)]
     (held / TRIALS).write_bytes(b"".join(msgspec.json.encode(row) + b"\n" for row in rows))
-    with pytest.raises(InputError, match="no marked shots"):
+    with pytest.raises(ta.InputError, match="no marked shots"):
         shots_from_sessions([held], "d")
 
 
@@ -101,7 +98,7 @@ def test_what_is_no_session_is_named(tmp_path, capsys):
 
 
 def test_two_sessions_of_one_name_are_refused(practice, tmp_path):
-    with pytest.raises(InputError, match="unique"):
+    with pytest.raises(ta.InputError, match="unique"):
         shots_from_sessions([practice[0], practice[0]], "d")
 
 
@@ -118,7 +115,7 @@ def test_trials_that_are_cut_short_are_said_to_be_missing(practice, tmp_path, ca
     (cut / TRIALS).write_bytes(rows[:len(rows) * 2 // 3])
     assert main(["shots", str(cut), "-o", str(tmp_path / "d")]) == 0
     assert "trials.jsonl: cut short: trials after that are missing; truearc session recover" in capsys.readouterr().err
-    assert "cut short" in load_dataset(tmp_path / "d").left_out[0]
+    assert "cut short" in ta.load_dataset(tmp_path / "d").left_out[0]
 
 
 COMPARED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s", "since_last_shot_s")
@@ -156,9 +153,7 @@ def same(found: ta.Dataset, recorded: ta.Dataset, columns: tuple[str, ...] = COM
         np.testing.assert_allclose(found.shots.number(column), recorded.shots.number(column), rtol=rtol, atol=1e-9)
 
 
-def test_a_strangers_log_is_guessed_to_the_shots_that_were_recorded(log: Path, rig: Path, recorded: ta.Dataset,
-                                                                    tmp_path: Path,
-                                                                    capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_strangers_log_is_guessed_to_the_shots_that_were_recorded(log, rig, recorded, tmp_path, capsys):
     assert main(["import", "wpilog", str(log), "--guess", "--rig", str(rig), "-o", str(tmp_path / "found")]) == 0
     assert "distance_m: /RealOutputs/Vision/DistanceToHubMeters" in capsys.readouterr().out
     same(ta.load_dataset(tmp_path / "found"), recorded)
@@ -197,16 +192,14 @@ def test_a_speed_that_is_no_number_is_left_out_and_a_distance_is_unknown(
     ([(1.0, 2.5), (3.0, 4.5)], [0.0, 2.0, 4.0], {}),        # a fast stream: the pulse lasts beyond the next shot
     ([(1.0, 4.1), (9.0, 12.1)], [0.0, 4.0, 8.0, 12.0], {}), # cleared as the next ball is fed
     ([(1.0, 5.0), (9.0, 9.5)], [0.0, 4.0, 8.0], {}), ([], [0.0, 4.0], {})])
-def test_what_a_boolean_means_is_left_open_in_doubt(runs: list[tuple[float, float]], shots: list[float],
-                                                    meant: dict[str, str]) -> None:
+def test_what_a_boolean_means_is_left_open_in_doubt(runs, shots, meant):
     edges = [(-1.0, 0.0), *(edge for up, down in runs for edge in ((up, 1.0), (down, 0.0)))]
     series = Series("Scored", np.array([t_s for t_s, _ in edges]), np.array([value for _, value in edges]))
     values, said = state_or_pulse(series, np.array(shots))
     assert values == meant and ("left out:" in said) == (not meant)
 
 
-def test_without_a_feeder_every_shot_is_found_from_its_dip_at_fifty_hertz(session: Path, rig: Path,
-                                                                          recorded: ta.Dataset, tmp_path: Path) -> None:
+def test_without_a_feeder_every_shot_is_found_from_its_dip_at_fifty_hertz(session, rig, recorded, tmp_path):
     write_stranger_log(session, tmp_path / "monday.wpilog", feeder=False, every=4)
     found = ta.import_shots([tmp_path / "monday.wpilog"], rig=rig)
     same(found, recorded, ("hood_deg",))
@@ -257,10 +250,8 @@ def test_a_csv_table_of_loops_gives_the_same(log: Path, rig: Path, recorded: ta.
     ('schema = "truearc.shot-map/1"\n[columns]\nhood_deg = "/Hood/PivotPositionRad"', "name no wheel"),
     ('schema = "truearc.shot-map/1"\n[columns]\nmotor_rad_s = "/SystemStats/BatteryVoltage"',
      "'V' is not a unit of motor_rad_s"),
-    ('schema = "truearc.shot-map/1"\n[outcome.values]\nin = "goal"', "outcome: in = 'goal': is none of"),
-])
-def test_a_wrong_map_is_named_by_file_and_key(text: str, said: str, log: Path, rig: Path, tmp_path: Path,
-                                              capsys: pytest.CaptureFixture[str]) -> None:
+    ('schema = "truearc.shot-map/1"\n[outcome.values]\nin = "goal"', "outcome: in = 'goal': is none of")])
+def test_a_wrong_map_is_named_by_file_and_key(text, said, log, rig, tmp_path, capsys):
     (tmp_path / "shots.toml").write_text(text)
     assert main(["import", "wpilog", str(log), "--map", str(tmp_path / "shots.toml"), "--rig", str(rig), "-o",
                  str(tmp_path / "found")]) == 2
@@ -285,8 +276,7 @@ def test_a_map_that_comes_with_truearc_can_be_read_and_says_what_it_is_for(name:
     assert load_map(name).columns and len(load_map(name).about) > 20
 
 
-def test_a_session_that_was_exported_is_read_with_its_poses_and_its_shots(session: Path, rig: Path,
-                                                                          recorded: ta.Dataset, tmp_path: Path) -> None:
+def test_a_session_that_was_exported_is_read_with_its_poses_and_its_shots(session, rig, recorded, tmp_path):
     out = tmp_path / "monday.wpilog"
     assert main(["session", "convert", str(session), "--to", "wpilog", "-o", str(out), "--quiet"]) == 0
     log, ticks = read_wpilog(out), list(ta.Recording(session))

@@ -82,8 +82,7 @@ def test_what_foretells_unseen_shots_worse_is_not_adopted(hasty: tuple[Dataset, 
     assert "are worse" in provenance["refused"]
 
 
-def test_what_would_lose_points_is_not_adopted(hasty: tuple[Dataset, Investigation],
-                                               monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_would_lose_points_is_not_adopted(hasty, monkeypatch):
     """As where a hold-out shot, aimed by it, would have missed what it hit."""
     found = with_worth(hasty[1]).finding.adoption
     assert isinstance(found, Adoption) and found.refused is None and found.shots == SHOTS
@@ -100,8 +99,7 @@ def test_what_would_lose_points_is_not_adopted(hasty: tuple[Dataset, Investigati
     assert any("not adopted as found: aimed and gated" in line for line in console_lines(said))
 
 
-def test_of_an_unexplained_effect_the_nearest_names_are_adopted_where_they_clearly_score(
-        hasty: tuple[Dataset, Investigation], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_an_unexplained_effect_the_nearest_names_are_adopted_where_they_clearly_score(hasty, monkeypatch):
     """Else nothing; and then a belief that was started from stays as it is, not fitted to what no term explains."""
     found = hasty[1]
     unnamed = replace(found, steps=tuple(replace(step, unknown=True, place=None, change=None) for step in found.steps))
@@ -141,8 +139,7 @@ def test_data_that_say_nothing_lead_to_no_belief() -> None:
         make_belief(discover(Dataset("mute", make_world().facts, shots)))
 
 
-def test_what_has_no_name_is_adopted_as_a_curve(nameless: Investigation, season: tuple[Dataset, Dataset],
-                                                tmp_path: Path) -> None:
+def test_what_has_no_name_is_adopted_as_a_curve(nameless, season, tmp_path):
     """Beyond some distance the ball leaves faster than it should: the cause is unknown, other shots are forecast."""
     found, unseen = nameless, season[1]
     assert found.finding.verdict == "unknown"
@@ -221,8 +218,7 @@ def test_nothing_is_adopted_beside_a_tracker_error_at_its_bound() -> None:
     assert make_belief(replace(tilted.investigation, belief=started))[0] is started
 
 
-def test_what_was_judged_with_the_finding_is_not_judged_again(hasty: tuple[Dataset, Investigation],
-                                                              monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_was_judged_with_the_finding_is_not_judged_again(hasty, monkeypatch):
     fresh, told = make_belief(hasty[1])
     found = ta.Finding(hasty[0].name, with_worth(hasty[1]))
     monkeypatch.setattr(adopt, "choose", None)

@@ -108,8 +108,7 @@ def simulate(n: int, by: np.ndarray, shift_m: np.ndarray, rng: np.random.Generat
     return tuple(np.where(off_m <= THREE_M, "three", np.where(off_m <= TWO_M, "two", "miss")).tolist())
 
 
-def test_alarms_of_unchanged_sessions_stay_within_the_promised_rate_at_any_look(monkeypatch: pytest.MonkeyPatch
-                                                                               ) -> None:
+def test_alarms_of_unchanged_sessions_stay_within_the_promised_rate_at_any_look(monkeypatch):
     monkeypatch.setattr(always_valid, "DRAWS", 64)
     rng = np.random.default_rng(7)
     alarms, sessions, rate = 0, 300, 0.1

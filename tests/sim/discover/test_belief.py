@@ -1,13 +1,11 @@
 """Two sessions of one rig: only what has changed is named; several names are parted by a tape, or averaged."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import truearc as ta
-from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, circumstances_of
 from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.investigate import (
@@ -126,8 +124,7 @@ def believed_at(evidence: ScoreTable, believed: tuple[str, ...]) -> Coefficients
 
 
 @pytest.mark.slow
-def test_it_forecasts_the_average_and_no_single_name_does(raised: tuple[Dataset, Investigation],
-                                                          tmp_path: Path) -> None:
+def test_it_forecasts_the_average_and_no_single_name_does(raised, tmp_path):
     dataset, found = raised
     assert found.finding.verdict == "set"
     step, believed = with_own_priors(found.steps[-1:]), found.finding.data.believed
@@ -176,5 +173,5 @@ def test_a_tape_parts_what_shots_cannot(raised: tuple[Dataset, Investigation]) -
 
 @pytest.mark.slow
 def test_what_is_believed_already_cannot_be_measured_beside(raised: tuple[Dataset, Investigation]) -> None:
-    with pytest.raises(InputError, match="exit_efficiency is believed already"):
+    with pytest.raises(ta.InputError, match="exit_efficiency is believed already"):
         discover(raised[0], measured={"exit_efficiency.loss": Measurement(0.1, 0.01)})

@@ -189,11 +189,3 @@ def test_nothing_to_tell_apart_is_said(tmp_path: Path, capsys: pytest.CaptureFix
     assert truearc.main(["design", str(tmp_path / "mute"), "--json", str(out), "--quiet"]) == 0
     assert "no names to tell apart" in capsys.readouterr().out
     assert json.loads(out.read_text()) == {"schema": "truearc.design/1", "verdict": "none", "next": []}
-
-
-@pytest.mark.parametrize(("words", "message"), [
-    (["nowhere"], "nowhere"), (["d", "--shots", "2", "--configurations", "3"], "--configurations 3"),
-    (["d", "--seed", "-1"], "--seed"), (["d", "--false-alarm", "0"], "--false-alarm")])
-def test_what_cannot_be_done_is_said(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert truearc.main(["design", *words]) == 2
-    assert message in capsys.readouterr().err

@@ -78,8 +78,7 @@ def heights(among: Catalogue, tmp_path: Path) -> Path:
     return tmp_path / "heights"
 
 
-def test_fit_and_predict_know_the_terms_of_a_file(heights: Path, tmp_path: Path,
-                                                  capsys: pytest.CaptureFixture[str]) -> None:
+def test_fit_and_predict_know_the_terms_of_a_file(heights, tmp_path, capsys):
     belief, own = tmp_path / "belief.toml", ["--terms-from", str(FILE)]
     fit = ["fit", str(heights), "--terms", "drag,magnus,hood_flex", "-o", str(belief), "--quiet"]
     assert truearc.main(fit) == 2

@@ -77,17 +77,8 @@ def test_copies_are_one_class_and_what_the_fit_mimics_is_never_seen() -> None:
     assert by_name(sight)["free"].why is None
 
 
-@pytest.fixture(scope="module")
-def outcomes() -> Sight:
-    return foresee(FACTS, BELIEVED, "L0", 120)
-
-
-@pytest.fixture(scope="module")
-def tracks() -> Sight:
-    return foresee(FACTS, BELIEVED, "L2", 40)
-
-
-def test_outcomes_cannot_tell_the_target_from_the_release_height(outcomes: Sight) -> None:
+def test_outcomes_cannot_tell_the_target_from_the_release_height() -> None:
+    outcomes = foresee(FACTS, BELIEVED, "L0", 120)
     assert any({"target_height", "release_height"} <= set(group) for group in outcomes.classes)
     seen = by_name(outcomes)
     # a quicker ball is a lighter one to outcomes: gravity's scale is that of the speed squared
@@ -97,7 +88,8 @@ def test_outcomes_cannot_tell_the_target_from_the_release_height(outcomes: Sight
     assert not {one.term for one in outcomes.terms} & set(BELIEVED)
 
 
-def test_tracks_see_spin_and_crosswind_but_never_weight_from_added_mass(tracks: Sight) -> None:
+def test_tracks_see_spin_and_crosswind_but_never_weight_from_added_mass() -> None:
+    tracks = foresee(FACTS, BELIEVED, "L2", 40)
     seen = by_name(tracks)
     for name in ("spin_decay", "wind_y", "wind_z"):
         assert seen[name].power > 0.99, name
@@ -126,15 +118,9 @@ def _with_target(facts: Rig, target: Target | None) -> Rig:
     return msgspec.structs.replace(facts, target=target)
 
 
-@pytest.fixture
-def rig(tmp_path: Path) -> Path:
-    path = tmp_path / "rig.toml"
-    save_rig(path, FACTS)
-    return path
-
-
-def test_before_any_data_a_rig_is_enough(rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out, page = tmp_path / "out.json", tmp_path / "out.html"
+def test_before_any_data_a_rig_is_enough(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, page, rig = tmp_path / "out.json", tmp_path / "out.html", tmp_path / "rig.toml"
+    save_rig(rig, FACTS)
     assert truearc.main(["identifiability", str(rig), "--shots", "64", "--json", str(out), "--report",
                          str(page), "--quiet"]) == 0
     shown = capsys.readouterr().out
@@ -151,30 +137,6 @@ def test_a_directory_of_settings_is_enough_too(tmp_path: Path, capsys: pytest.Ca
     save_dataset(tmp_path / "plan", bare)
     assert truearc.main(["identifiability", str(tmp_path / "plan"), "--sides", "--quiet"]) == 0
     assert capsys.readouterr().out.startswith("64 shots of this kind (L0)")
-
-
-@pytest.mark.parametrize(("words", "message"), [
-    (["d", "--false-alarm", "2"], "--false-alarm"),
-    (["d", "--seed", "-1"], "--seed"), (["d", "--false-alarm", "0.0004"], "--false-alarm"),
-    (["d", "--json", "nowhere/x.json"], "nowhere/x.json: there is no such directory"),
-    (["d", "--believe", "gravity,magic"], "--believe"), (["d", "--since", "home"], "--since goes with --belief"),
-])
-def test_discover_names_the_option_at_fault(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert truearc.main(["discover", *words]) == 2
-    assert message in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("words", "message"), [
-    (["RIG", "--shots", "3"], "too few"), (["RIG", "--believe", "magic"], "'magic'"),
-    (["nowhere.toml"], "nowhere.toml"), (["DIR", "--shots", "30"], "--shots: "),
-    (["DIR", "--level", "L1"], "--level: "),
-    (["RIG", "--seed", "-1"], "--seed"), (["RIG", "--believe", "gravity,free_push"], "unexplained effect"),
-])
-def test_identifiability_names_the_option_at_fault(words: list[str], message: str, rig: Path, tmp_path: Path,
-                                                   capsys: pytest.CaptureFixture[str]) -> None:
-    typed = [{"RIG": str(rig), "DIR": str(tmp_path)}.get(word, word) for word in words]
-    assert truearc.main(["identifiability", *typed]) == 2
-    assert message in capsys.readouterr().err
 
 
 def test_compiled_code_is_kept_where_the_user_keeps_things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

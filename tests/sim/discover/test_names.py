@@ -127,8 +127,7 @@ def test_amplitudes_of_the_wrong_sign_are_impossible_only_beyond_doubt() -> None
 
 def test_a_name_that_is_nothing_gets_no_nats_on_average() -> None:
     """Bayes factors: under the believed simulation the mean of exp(nats) is 1, and that of nats below 0."""
-    nats = np.concatenate([[c.nats for c in one_step(fit_straight({}, 100 + seed).scores)[0]]
-                           for seed in range(40)])
+    nats = np.concatenate([[c.nats for c in one_step(fit_straight({}, 100 + seed).scores)[0]] for seed in range(40)])
     assert nats.mean() < -0.5
     assert np.exp(nats).mean() == pytest.approx(1.0, abs=0.35)
 
@@ -172,8 +171,7 @@ def test_it_stops_after_so_many() -> None:
 
 @pytest.mark.parametrize(("planted", "usual", "seed", "why"), [
     ({PLANTED: 1.1}, {PLANTED: 0.135}, 5, f"({PLANTED}) would have to be 7.6 times"),
-    ({PLANTED: 0.6}, {}, 5, ""),
-])
+    ({PLANTED: 0.6}, {}, 5, "")])
 def test_a_name_is_withheld_where_a_guard_says_so(planted, usual, seed, why) -> None:
     """A size of six usual ones, and a sound one."""
     step = steps_of(fit_straight(planted, seed, usual=usual))[0]

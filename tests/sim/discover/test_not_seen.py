@@ -56,17 +56,12 @@ def exits() -> ta.Dataset:
     """Thirty shots of the example's rig with measured speed and spin of the ball."""
     rng = np.random.default_rng(4)
     ratio, hood = rng.uniform(0.4, 0.8, 30), rng.uniform(35.0, 55.0, 30)
-    rig = without_target(ta.load_dataset(EXAMPLE).rig)
+    rig = structs.replace(ta.load_dataset(EXAMPLE).rig, target=None)      # exits alone are evidence
     surface = ratio * 594.0 * (0.0508 + 0.5625 * 0.0349) / 2.0
     shots = {"shot_id": [str(k) for k in range(30)], "distance_m": rng.uniform(2.0, 5.0, 30), "hood_deg": hood,
              "motor_ratio": ratio, "exit_speed_m_s": surface * 0.9 + rng.normal(0.0, 0.1, 30),
              "exit_spin_rev_s": ratio * 40.0 + rng.normal(0.0, 0.5, 30)}
     return ta.dataset(shots, rig=rig)
-
-
-def without_target(rig: ta.Rig) -> ta.Rig:
-    """The rig without a target: exits alone are evidence."""
-    return structs.replace(rig, target=None)
 
 
 TERMS = ["gravity", "drag", "magnus", "exit_efficiency"]

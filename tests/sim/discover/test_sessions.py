@@ -256,8 +256,7 @@ def test_a_tracker_that_was_compared_is_said_to_be_and_without_tracks_none_was(h
 
 @pytest.mark.parametrize(("leader", "indoor", "instrument"), [
     ("track_perspective.per_m", True, "ruler_two_heights"), ("drag.cd", False, "anemometer"), ("drag.cd", True, None)])
-def test_what_has_no_name_is_measured_by_its_nearest_name_or_the_wind_outdoors(home: LauncherFit, leader: str,
-                                                                             indoor: bool, instrument: str) -> None:
+def test_what_has_no_name_is_measured_by_its_nearest_name_or_the_wind_outdoors(home, leader, indoor, instrument):
     """The fall of a ball is on film already, and in a hall there is no wind to speak of."""
     rig = msgspec.structs.replace(home.model.data.rig, site=Site(indoor=indoor))
     fitted, nobody = replace(home, model=replace(home.model, data=replace(home.model.data, rig=rig))), np.zeros(0)
@@ -283,8 +282,7 @@ def test_what_may_be_lift_asks_for_the_spin_where_nobody_knows_it(known: bool, l
 @pytest.mark.parametrize(("changed", "name", "size"), [
     ({"scale": 1.03}, "track_scale.share", 0.03), ({"pitch_deg": 1.0}, "track_tilt.angle_deg", 1.0),
     ({"roll_deg": -2.0}, "track_roll.angle_deg", -2.0)])
-def test_what_was_done_to_the_tracker_is_found(home: LauncherFit, changed: dict[str, float], name: str,
-                                              size: float) -> None:
+def test_what_was_done_to_the_tracker_is_found(home, changed, name, size):
     later = fit(seen(6, **changed))
     found = bat.compare_trackers(later, home, 0.05)
     assert isinstance(found, bat.TrackerChange) and name in found.together

@@ -9,7 +9,6 @@ import pytest
 from scipy.stats import binom
 
 import truearc as ta
-from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import detect, discover, make_search
 from truearc.sim.discover.select.terms import one_step
 from truearc.sim.infer.fit import climb, fit_believed, newton_step
@@ -107,12 +106,12 @@ def test_scores_of_tracks_lean_to_no_side_under_the_truth() -> None:
 
 
 TERMS = ("gravity", "drag", "magnus", "exit_efficiency")
-REAL: dict[str, Callable[[Path], Dataset]] = {
+REAL: dict[str, Callable[[Path], ta.Dataset]] = {
     "971": lambda home: import_971(home / "frc971_wheel_to_ball_speed.csv"),
     "254": lambda home: import_254(home / "frc_shot_tables.csv")}
 
 
-def _check(dataset: Dataset, terms: tuple[str, ...]) -> None:
+def _check(dataset: ta.Dataset, terms: tuple[str, ...]) -> None:
     """The belief that `fit` writes is what discovery starts from, and adopts where it finds nothing."""
     by_fit = ta.fit(dataset, terms).belief
     found = discover(dataset, terms, false_alarm=0.0)         # nothing is missing surely enough to be named

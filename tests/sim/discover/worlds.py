@@ -11,8 +11,7 @@ from tests.sim.infer import independent
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.data.dataset import Dataset, Shots
 
-FACTS = Rig(
-    ball=Ball(0.14, 0.0889),
+FACTS = Rig(ball=Ball(0.14, 0.0889),
     launcher=LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0), Wheel("upper", 0.0349, 0.5625, 0.0))),
     target=Target(2.44), noise=Noise(0.03, 0.2, 0.5, 0.005))
 

@@ -39,8 +39,7 @@ def make_data(n: int = 40) -> model.GateData:
 
 @settings(deadline=None)         # the first call compiles
 @given(st.floats(-40.0, 40.0), st.floats(1e-3, 5.0), st.floats(0.01, 0.5), st.floats(0.01, 1.0), st.floats(1e-6, 0.5))
-def test_cells_are_scipys_normal_and_three_lies_inside_two(mean: float, sigma: float, three: float, more: float,
-                                                          lapse: float) -> None:
+def test_cells_are_scipys_normal_and_three_lies_inside_two(mean, sigma, three, more, lapse):
     shape = model.GateShape(1.0, 0.0, three + more, three, lapse)
     cells = np.asarray(model.cell_probabilities(shape, jnp.array([mean]), jnp.array([sigma])))[0]
     edges = norm.cdf([-three - more, -three, three, three + more], mean, sigma)
@@ -178,8 +177,7 @@ def test_few_shots_still_give_a_gate_but_no_promise() -> None:
     assert f"always naming the commonest, {commonest}, which is right for {count / 12:.1%}" in said
 
 
-def test_the_surrogate_is_the_gate_inside_its_domain(recorded: Dataset,
-                                                     trained: tuple[PhysicsGate, train.Heldout]) -> None:
+def test_the_surrogate_is_the_gate_inside_its_domain(recorded, trained):
     gate = trained[0]
     domain = domain_of(train.outcome_classes_of(recorded.shots, "x")[0].features)
     surrogate, errors, kept = make_surrogate(gate, domain)
@@ -190,8 +188,7 @@ def test_the_surrogate_is_the_gate_inside_its_domain(recorded: Dataset,
     assert found.mean_m < 0.005 and found.p < 0.005
 
 
-def test_a_saved_gate_reads_back_exactly(recorded: Dataset, trained: tuple[PhysicsGate, train.Heldout],
-                                         tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_saved_gate_reads_back_exactly(recorded, trained, tmp_path_factory):
     folder = tmp_path_factory.mktemp("gate")
     rows = train.outcome_classes_of(recorded.shots, "x")[0].features
     save_physics_gate(folder, trained[0], {"domain": domain_of(rows)})

@@ -55,8 +55,7 @@ def test_the_grids_file_is_a_belief_without_doubt(tmp_path):
 @pytest.mark.parametrize(("belief", "key"), [
     (bel.point_belief({"drag": {"cd": -0.5}}), "drag.cd: -0.5 is below 0"),
     (bel.point_belief({"drag": {"cd": float("nan")}}), "drag.cd"),
-    (replace(_belief(), covariance=-np.eye(4)), "covariance.matrix"),
-])
+    (replace(_belief(), covariance=-np.eye(4)), "covariance.matrix")])
 def test_what_could_not_be_read_is_not_saved(belief: bel.Belief, key: str, tmp_path) -> None:
     path = tmp_path / "coefficients.toml"
     path.write_text("the last one", encoding="utf-8")
@@ -110,8 +109,7 @@ matrix = [[0.04, 0.001], [0.001, 0.09]]
     ("[[0.04, 0.001], [0.001, 0.09]]", "[[0.04, 0.1], [0.1, 0.09]]", "negative variance"),
     ("cd = 0.5", "cd = 0.0", "drag.cd: 0 has no place on its scale, which is log"),
     ("cd = 0.5", "cd = 0.5\n[free_speed]\nshare = 1.0", "free_speed: has no [curve.free_speed]"),
-    ("[covariance]", "[curve.free_push]\nvalue = []\notherwise = 0.1\n[covariance]", "free_push: no term takes it"),
-])
+    ("[covariance]", "[curve.free_push]\nvalue = []\notherwise = 0.1\n[covariance]", "free_push: no term takes it")])
 def test_a_bad_file_is_named(tmp_path, old, new, message):
     path = tmp_path / "coefficients.toml"
     path.write_text(GOOD)

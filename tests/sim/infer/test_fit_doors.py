@@ -53,22 +53,6 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
     assert main(["predict", str(directory), "--coefficients", str(out), "-o", str(tmp_path / "p.csv")]) == 0
 
 
-@pytest.mark.parametrize(("arguments", "message"), [
-    (["--terms", "drag,magnetism"], "--terms: there is no term 'magnetism'"),
-    (["--terms", "wind"], "there is no term 'wind' (did you mean 'wind_x' or 'wind_y' or 'wind_z'?)"),
-    (["--terms", "drga"], "--terms: there is no term 'drga' (did you mean 'drag'?)"),
-    (["--terms", ""], "--terms: got ''; expected at least one entry"),
-    (["--terms", "drag,drag"], "--terms: got drag more than once; keep one"),
-    (["--terms", " , "], "--terms: got ' , '; expected at least one entry"),
-    (["--seed", "1"], "--seed: applies with several datasets only"),
-    (["--seed", "-1"], "--seed: got -1"),
-    (["-o", "nowhere/at/all.toml"], "nowhere/at/all.toml"),
-])
-def test_a_users_mistake_is_named(directory, capsys, arguments, message):
-    assert main(["fit", str(directory), "--quiet", *arguments]) == 2
-    assert message in capsys.readouterr().err
-
-
 def test_a_fit_that_does_not_settle_writes_nothing(directory, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(truearc.sim.infer.fit, "ROUNDS", 1)
     out = tmp_path / "coefficients.toml"
@@ -122,24 +106,11 @@ def test_fit_writes_what_predict_reads(home, tmp_path, capsys):
     assert capsys.readouterr().out == (tmp_path / "p.csv").read_text()
 
 
-@pytest.mark.parametrize(("arguments", "message"), [
-    (["--cd", "0.9"], "--cl is needed"),
-    (["--cd", "nan", "--cl", "0"], "--cd: got nan; expected at least 0"),
-    (["--cd", "1", "--cl", "1", "--coefficients", "x"], "exclude each other"),
-    (["--coefficients", "nowhere.toml"], "nowhere.toml"),
-    (["--cd", "1", "--cl", "1", "-o", "/nowhere/p.csv"], "/nowhere/p.csv"),
-])
-def test_predict_refuses_by_name(home, capsys, arguments, message):
-    assert main(["predict", str(home), *arguments]) == 2
-    assert message in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(("column", "message"), [
     ("hood_deg", "hood_deg or exit_deg is needed, and no shot has it"),
     ("distance_m", "distance_m is needed, and no shot has it"),
     ("motor_ratio", "motor_ratio (with launcher.free_speed_rad_s in rig.toml), every wheel_<name>_rad_s, or"),
-    ("outcome", "outcome: fit by grid needs at least one shot whose outcome is three"),
-])
+    ("outcome", "outcome: fit by grid needs at least one shot whose outcome is three")])
 def test_a_column_that_is_not_there_is_named_with_its_file(home, capsys, column, message):
     path = home / "shots.csv"
     path.write_text(path.read_text().replace(column, "unheard_of"))

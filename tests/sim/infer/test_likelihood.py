@@ -80,8 +80,7 @@ means = st.floats(-1.0, 1.0)
 spreads = st.floats(0.02, 0.6)
 
 
-def seen_of(
-    cells: list[tuple[str, str]], heights: list[float] | None = None, target: Target = TARGET
+def seen_of(cells: list[tuple[str, str]], heights: list[float] | None = None, target: Target = TARGET
 ) -> OutcomeObservations:
     numbers = {} if heights is None else {"miss_height_m": np.array(heights)}
     shots = Shots(tuple(map(str, range(len(cells)))), numbers,

@@ -12,7 +12,6 @@ import truearc as ta
 from tests.sim.infer.independent import Truth, make_dataset, make_tracks
 from tests.sim.physics.rigs import GUPPY
 from truearc.cli.main import main
-from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Tracker
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.belief import load_belief
@@ -123,9 +122,9 @@ def test_thrown_balls_need_no_launcher():
 
 def test_nothing_to_fit_to_is_bad_input():
     shots = Shots(("a",), {"distance_m": np.array([4.0]), "hood_deg": np.array([45.0])}, {"outcome": ("two",)})
-    with pytest.raises(InputError, match=r"^shots: there is nothing to fit to.*: no launch speed: motor_ratio"):
+    with pytest.raises(ta.InputError, match=r"^shots: there is nothing to fit to.*: no launch speed: motor_ratio"):
         fit_map(Dataset("d", GUPPY, shots), TERMS)
-    with pytest.raises(InputError, match="no term 'dragg'"):
+    with pytest.raises(ta.InputError, match="no term 'dragg'"):
         fit_map(make_dataset(1, 20), ("dragg",))
 
 

@@ -39,8 +39,7 @@ def test_mean_loss_by_hand() -> None:
 
 
 @given(st.integers(0, 40), st.integers(0, 40), st.floats(0.0, 0.99), st.integers(0, 2**32))
-def test_the_split_takes_its_share_of_each_class_and_loses_nothing(ones: int, twos: int, share: float,
-                                                                   seed: int) -> None:
+def test_the_split_takes_its_share_of_each_class_and_loses_nothing(ones, twos, share, seed):
     labels = np.array([[1.0, 0.0]] * ones + [[1.0, 1.0]] * twos).reshape(-1, 2)
     features = np.arange(3.0 * len(labels)).reshape(-1, 3)
     kept, out = net.split_heldout(net.Rows(features, labels), share, seed)
@@ -87,8 +86,7 @@ def test_rows_leave_out_what_they_cannot_use_and_say_so() -> None:
     rows, left_out = net.training_rows(shots, "DIR")
     assert rows.features.tolist() == [[1.0, 0.1, 10.0], [4.0, 0.4, 40.0]]
     assert rows.labels.tolist() == [[1.0, 1.0], [1.0, 0.0]]
-    assert left_out == ["DIR: 1 of 4 shots left out: no outcome",
-                        "DIR: 1 of 4 shots left out: no distance_m"]
+    assert left_out == ["DIR: 1 of 4 shots left out: no outcome", "DIR: 1 of 4 shots left out: no distance_m"]
 
 
 RECORD = {"seed": 7, "domain": {"distance_m": [1.0, 5.0], "motor_ratio": [0.2, 0.8], "hood_deg": [20.0, 60.0]}}
@@ -127,8 +125,7 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ({"hidden_w": np.zeros((3, 9))}, "not (3, 8)"),
     ({"out_b": np.array([0.0, np.nan])}, "'out_b' holds a number that is not finite"),
     ({"mean": np.array(["a", "b", "c"])}, "not a weights file"),
-    ({"mean": np.array([{}, 1, 2], object)}, "not a weights file"),
-])
+    ({"mean": np.array([{}, 1, 2], object)}, "not a weights file")])
 def test_wrong_arrays_are_named(archive: Path, tmp_path: Path, change: dict[str, np.ndarray], words: str) -> None:
     with np.load(archive / "weights.npz") as file:
         arrays = {**file, **change}
@@ -148,8 +145,7 @@ def test_weights_that_unpack_to_more_than_a_limit_are_refused(archive: Path, mon
     ("{", "not JSON"), ("[]", "not a JSON object"), ('{"schema": "other/1"}', "'schema'"),
     (json.dumps({"schema": "truearc.training/1"}), "'domain'"),
     (json.dumps({"schema": "truearc.training/1", "domain": {"hood_deg": [1, 2]}}), "'domain'"),
-    (None, "No such file"),
-])
+    (None, "No such file")])
 def test_a_wrong_record_is_named(tmp_path: Path, text: str | None, words: str) -> None:
     net.save_weights(tmp_path, make_network(), RECORD)
     record = tmp_path / "training.json"

@@ -205,10 +205,8 @@ def test_the_door_writes_tables_picture_and_weights(tmp_path: Path, capsys: pyte
 @pytest.mark.parametrize(("words", "named"), [
     (["--real", "nowhere"], "nowhere"), (["--sizes", "0,x"], "--sizes: 'x' is not a whole number"),
     (["--lambdas", "0.1,-"], "--lambdas: '-' is not a number"), (["--seeds", "0"], "--seeds: got 0"),
-    (["--sizes", "5"], "--sim has 0"), (["--patience", "0"], "--patience"),
-])
-def test_bad_options_are_named(words: list[str], named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                               capsys: pytest.CaptureFixture[str]) -> None:
+    (["--sizes", "5"], "--sim has 0"), (["--patience", "0"], "--patience")])
+def test_bad_options_are_named(words, named, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     save_rows(tmp_path / "real", REAL)
     assert truearc.main(["paper", "sweep", "--quiet", "--real", "real", "-o", "out", *words]) == 2

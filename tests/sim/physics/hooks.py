@@ -92,9 +92,7 @@ def factor(unit: str, length: float, time: float, mass: float) -> float:
 
 def rescaled(length: float, time: float, mass: float) -> Rig:
     """The rig in other units."""
-    return msgspec.structs.replace(
-        GUPPY,
-        ball=msgspec.structs.replace(GUPPY.ball, mass_kg=GUPPY.ball.mass_kg * mass,
+    return msgspec.structs.replace(GUPPY, ball=msgspec.structs.replace(GUPPY.ball, mass_kg=GUPPY.ball.mass_kg * mass,
                                      radius_m=GUPPY.ball.radius_m * length),
         air=msgspec.structs.replace(GUPPY.air, density_kg_m3=GUPPY.air.density_kg_m3 * mass / length**3),
         world=msgspec.structs.replace(GUPPY.world, gravity_m_s2=GUPPY.world.gravity_m_s2 * length / time**2))

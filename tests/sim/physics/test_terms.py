@@ -139,8 +139,7 @@ def _watched(name, values, place=(3.0, 0.2, 2.0), speed=(6.0, 0.1, -1.0), time_s
     ("air_density", {"share": 0.04}, (-0.2, 0, 0.08)),
     ("air_change", {"share": 0.04}, (-0.2, 0, 0.08)),
     ("buoyancy", {"share": 1.0}, (0, 0, 1.2 * VOLUME_M3 * 9.81 / 0.14)),
-    ("added_mass", {"share": 1.0}, np.array([-5.0, 0, -7.81]) * (1 / (1 + 0.6 * VOLUME_M3 / 0.14) - 1)),
-])
+    ("added_mass", {"share": 1.0}, np.array([-5.0, 0, -7.81]) * (1 / (1 + 0.6 * VOLUME_M3 / 0.14) - 1))])
 def test_forces(name, values, expected):
     """A level ball at 10 m/s with five turns a second of backspin: it is lifted, slowed and carried."""
     np.testing.assert_allclose(_force(name, values), expected, rtol=1e-12, atol=1e-14)
@@ -164,8 +163,7 @@ def test_the_air_that_the_ball_meets():
     ("ball_spread", {"spread": -0.25}, (9.0, 0.7, 3.0, 0.0)),
     ("battery_sag", {"sensitivity": -0.25}, (9.0, 0.7, 3.0, 0.0)),
     ("rapid_fire", {"loss": 0.25, "time_constant_s": 0.7}, (9.0, 0.7, 3.0, 0.0)),
-    ("release_height", {"above_m": 0.05}, (12.0, 0.7, 3.0, 0.05)),
-])
+    ("release_height", {"above_m": 0.05}, (12.0, 0.7, 3.0, 0.05))])
 def test_launches(name, values, expected):
     np.testing.assert_allclose(_left(name, values), expected, rtol=1e-14)
 
@@ -176,8 +174,7 @@ def test_launches(name, values, expected):
     ("encoder_scale", {"share": 0.02}, (12.24, 0.7, 3.06, 0.0, 4.0)),
     ("distance_scale", {"share": 0.02}, (12.0, 0.7, 3.0, 0.0, 4.08)),
     ("distance_bias", {"bias_m": 0.05}, (12.0, 0.7, 3.0, 0.0, 4.05)),
-    ("vision_latency", {"delay_s": 0.1}, (12.0, 0.7, 3.0, 0.0, 3.9)),
-])
+    ("vision_latency", {"delay_s": 0.1}, (12.0, 0.7, 3.0, 0.0, 3.9))])
 def test_what_is_true_of_what_was_sensed(name, values, expected):
     np.testing.assert_allclose(_sensed(name, values), expected, rtol=1e-14)
 

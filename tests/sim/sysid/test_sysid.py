@@ -115,8 +115,7 @@ def test_a_straight_law_stays_straight():
     (lambda r: sysid.Record("x", "v", r.effort_t_s, 0.0 * r.effort + 3.0, r.speed_t_s, 0.0 * r.speed_rad_s + 300.0),
      "x: "),
     (lambda r: sysid.Record("x", "v", r.effort_t_s[:30], r.effort[:30], r.speed_t_s[:30], r.speed_rad_s[:30]),
-     "pieces .* are needed"),
-])
+     "pieces .* are needed")])
 def test_too_little_to_fit_is_said_and_not_guessed(spoil, words):
     with pytest.raises(InputError, match=words):
         sysid.fit_motion(spoil(stair_record(0.1)))
@@ -207,8 +206,7 @@ def test_columns_are_found_by_their_units(tmp_path):
     ("t_s,u_V,v_V,w_rad_s\n0,1,2,3\n", r"a.csv:1: 2 columns end in _nm or _v \(u_V, v_V\)"),
     ("t_s,u_V,w_rpm\n0,1,2\n", "a.csv:1: 0 columns end in _rad_s"),
     ("time,u_V,w_rad_s\n0,1,2\n", "a.csv:1: column t_s is missing"),
-    ("t_s,u_V,w_rad_s\n" + "".join(f"{i / 50},1,0\n" for i in range(100)), "0.0 s of motion"),
-])
+    ("t_s,u_V,w_rad_s\n" + "".join(f"{i / 50},1,0\n" for i in range(100)), "0.0 s of motion")])
 def test_a_bad_table_is_named_by_file_line_and_column(tmp_path, text, words, capsys):
     path = write(tmp_path / "a.csv", text)
     with pytest.raises(InputError, match=words):

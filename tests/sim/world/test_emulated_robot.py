@@ -24,8 +24,7 @@ THIRD = f"{SECOND.replace('2', '7')}\ndirection = 1\nendstop_endpoint = 0\n\n"
 
 @pytest.mark.parametrize(("old", "new", "said"), [
     (SECOND, f"{THIRD}{SECOND}", "axes.flywheels: 3 motors; the emulated robot has 2, so state as many"),
-    ("node = 2", "node = 1", "axes.flywheels[1].node: 1 is that of axes.flywheels[0], too"),
-])
+    ("node = 2", "node = 1", "axes.flywheels[1].node: 1 is that of axes.flywheels[0], too")])
 @pytest.mark.parametrize("words", [["emulate", "--trials", "1", "--out", "s"], ["sysid", "--emulate", "--out", "s"],
                                    ["emulate", "--trials", "1", "--bus", "slcan:auto"]])
 def test_axes_that_cannot_be_emulated_leave_nothing(words, old, new, said, tmp_path, monkeypatch, capsys):

@@ -181,8 +181,7 @@ def test_in_vacuum_a_ball_crosses_where_the_parabola_does(speed: float, deg: flo
 @pytest.mark.parametrize(("cd", "magnus", "wind"), [
     (0.5, 0.0, (0.0, 0.0, 0.0)), (0.0, 0.25, (0.0, 0.0, 0.0)), (0.5, 0.25, (0.0, 0.0, 0.0)),
     (0.9, -0.1, (0.0, 0.0, 0.0)), (0.5, 0.25, (-2.0, 1.0, 0.5))])
-def test_the_fluid_forces_are_the_ones_that_are_stated(cd: float, magnus: float,
-                                                        wind: tuple[float, float, float]) -> None:
+def test_the_fluid_forces_are_the_ones_that_are_stated(cd, magnus, wind):
     start = _start(12.0, 45.0, (3.0, -70.0, 8.0))
     options = Options(drag_coefficient=cd, magnus_coefficient=magnus, wind_x_m_s=wind[0], wind_y_m_s=wind[1],
                       wind_z_m_s=wind[2])

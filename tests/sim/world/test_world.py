@@ -86,8 +86,7 @@ def test_what_the_file_says_is_read_and_the_rest_is_default(tmp_path: Path) -> N
     ("\n\nball_mass_scale = -1.0\n", 3, "ball_mass_scale"),
     ("drag_coefficient = nan\n", 1, "drag_coefficient"),
     ("temperature_c = 'warm'\n", 1, "temperature_c"),
-    ("wind_y_m_s = inf\n", 1, "wind_y_m_s"),
-])
+    ("wind_y_m_s = inf\n", 1, "wind_y_m_s")])
 def test_a_wrong_line_is_named(tmp_path: Path, text: str, line: int, key: str) -> None:
     path = tmp_path / "world.toml"
     path.write_text(text, encoding="utf-8")
