@@ -14,8 +14,7 @@ if TYPE_CHECKING:
 
 OURS = "truearc"
 ANSWERS = {"pysindy-ensemble": "sindy:answer_ensemble", "pysindy-weak": "sindy:answer_weak",
-           "odr-bindy": "odr_bindy:answer", "gp": "residual:answer_gp", "boosted": "residual:answer_boosted",
-           "argmax": "claim:answer_argmax"}
+           "gp": "residual:answer_gp", "boosted": "residual:answer_boosted", "argmax": "claim:answer_argmax"}
 RIVALS = tuple(ANSWERS)
 
 
