@@ -20,7 +20,6 @@ GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
 QUICK = {
     "aim": "--rigs 1",
     "demo_seeds": "--seeds 1 --first 7 --quick --processes 1 --out worlds.jsonl",
-    "compare": "DATA/real --steps 40 --left 1",
     "discovery": "--what nulls --level L0 --shots 60 --worlds 1 --only clean --seed 11 --processes 1 "
                  "--out worlds.jsonl",
     "discovery_speed": "--shots 60 --level L0",

@@ -12,7 +12,6 @@ from truearc.errors import InputError
 if TYPE_CHECKING:
     from truearc_proof.rivals.claim import Rival
 
-OURS = "truearc"
 ANSWERS = {"pysindy-ensemble": "sindy:answer_ensemble", "pysindy-weak": "sindy:answer_weak",
            "gp": "residual:answer_gp", "boosted": "residual:answer_boosted", "argmax": "claim:answer_argmax"}
 RIVALS = tuple(ANSWERS)

@@ -1,4 +1,4 @@
-"""What entrants get and answer, tracks and laws, learners of the residual, and the calibration."""
+"""What entrants get and answer, tracks and laws, and learners of the residual."""
 
 import math
 from dataclasses import replace
@@ -115,35 +115,3 @@ def test_unknown_covariates_stand_at_their_mean() -> None:
     table = residual.table_of([Covariate((("a", np.array([1.0, np.nan, 3.0])),)), Covariate((("b", np.ones(3)),))],
                               np.arange(3))
     np.testing.assert_allclose(table, [[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
-
-
-# --- koh
-
-STEPS = 2_000
-SEEN, HELD = np.linspace(0.0, 1.0, 12)[:, None], np.array([[0.15], [0.55], [0.8]])
-
-
-@pytest.fixture(scope="module")
-def emulator() -> residual.Emulator:
-    """Of y = 4 theta sin(2 x), theta from 0 to 1."""
-    rng = np.random.default_rng(0)
-    x, theta = rng.uniform(0.0, 1.0, (2, 60, 1))
-    x[:2], theta[:2] = [[0.0], [1.0]], [[0.0], [1.0]]
-    return residual.Emulator(residual.Runs(x, theta, (4.0 * theta * np.sin(2.0 * x)).ravel()))
-
-
-def test_a_right_simulator_gets_its_parameter_back(emulator: residual.Emulator) -> None:
-    noise = 0.02 * np.random.default_rng(1).normal(size=len(SEEN))
-    found = residual.Calibration(emulator, SEEN, 2.4 * np.sin(2.0 * SEEN[:, 0]) + noise, steps=STEPS)
-    low, _, high = found.theta90[0]
-    assert low < 0.6 < high < low + 0.3
-    error = found.discrepancy(HELD)
-    assert (error.low90 < 0.0).all() and (error.high90 > 0.0).all()
-
-
-def test_what_a_wrong_simulator_lacks_is_forecast_between_the_data(emulator: residual.Emulator) -> None:
-    truth = [2.4 * np.sin(2.0 * x[:, 0]) + np.cos(5.0 * x[:, 0]) for x in (SEEN, HELD)]
-    both = [residual.Calibration(emulator, SEEN, truth[0], free, steps=STEPS).forecast(HELD) for free in (True, False)]
-    off = [np.abs(each.mean - truth[1]).max() for each in both]
-    assert off[0] < 0.1 < 0.5 < off[1]
-    assert (both[0].low90 < truth[1]).all() and (truth[1] < both[0].high90).all()
