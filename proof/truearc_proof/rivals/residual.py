@@ -24,7 +24,7 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.covariates import FOLLOWED, Covariate, gather_covariates
 from truearc.sim.discover.select.simulations import track_errors
 from truearc.sim.physics.catalogue import TERMS
-from truearc_proof.rivals.claim import Array, Claim, RivalBelief, folds, rms
+from truearc_proof.rivals.claim import Array, Claim, RivalBelief, folds
 
 SCALES = (0.1, 1e3)                   # of length, in standard deviations of a covariate
 SHARES = (1e-4, 1e2)                  # of variance, in the residuals' own
@@ -51,12 +51,8 @@ def claim_by(dataset: Dataset, believed: RivalBelief, learn: Learn) -> Claim:
     residuals = residuals_of(believed)
     table = table_of(covariates, believed.fitted.model.data.rows[believed.fitted.model.data.tracked])
     foretold = cross_validate(table, residuals, learn)
-    each = gain_of_each(residuals, foretold)
-    says = bool(each.mean() > 0.0)
-    names = names_of(covariates, learn(table, residuals).leaning()) if says else ()
-    left = residuals - foretold if says else residuals
-    return Claim(says, names, rms(residuals[:, -1]), rms(left[:, -1]),
-                 {"gain": float(each.mean()), "gain_se": float(each.std() / np.sqrt(len(each)))})
+    says = bool(gain_of_each(residuals, foretold).mean() > 0.0)
+    return Claim(says, names_of(covariates, learn(table, residuals).leaning()) if says else ())
 
 
 def residuals_of(believed: RivalBelief) -> Array:

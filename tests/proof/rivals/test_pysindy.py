@@ -61,18 +61,17 @@ def test_a_constant_push_is_recovered_exactly_and_alone(form: str) -> None:
 
 
 @pytest.mark.parametrize("form", ["strong", "weak"])
-def test_a_claim_names_the_push_and_foretells_by_it(form: str) -> None:
+def test_a_claim_names_the_push(form: str) -> None:
     flights = constant(2.0, noise_m=0.001)
-    claim = claim_by(flights, rows_by(form, flights), KNOWN, 0)
+    claim = claim_by(rows_by(form, flights), KNOWN, 0)
     assert claim.says_something and claim.names[:2] == ("buoyancy", "added_mass")
-    assert claim.before_m is not None and claim.after_m is not None and claim.after_m < 0.8 * claim.before_m
 
 
 @pytest.mark.parametrize("form", ["strong", "weak"])
 def test_where_there_is_nothing_nothing_is_said(form: str) -> None:
     flights = constant(0.0)
-    claim = claim_by(flights, rows_by(form, flights), KNOWN, 0)
-    assert not claim.says_something and claim.names == () and claim.after_m == claim.before_m
+    claim = claim_by(rows_by(form, flights), KNOWN, 0)
+    assert not claim.says_something and claim.names == ()
 
 
 @pytest.mark.parametrize("form", ["strong", "weak"])
