@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from truearc_proof.rivals.claim import Rival
 
 ANSWERS = {"pysindy-ensemble": "sindy:answer_ensemble", "pysindy-weak": "sindy:answer_weak",
-           "gp": "residual:answer_gp", "boosted": "residual:answer_boosted", "argmax": "claim:answer_argmax"}
+           "gp": "residual:answer_gp", "argmax": "claim:answer_argmax"}
 RIVALS = tuple(ANSWERS)
 
 

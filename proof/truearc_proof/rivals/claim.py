@@ -52,7 +52,6 @@ from truearc.sim.discover.select.simulations import FORECAST
 from truearc.sim.discover.select.terms import Candidate, one_step
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.observations import gather_samples
-from truearc.sim.infer.likelihood.score_table import FOLDS, folds_of
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.simulate import launch_of, launch_state, own_balls
 
@@ -87,19 +86,6 @@ class RivalBelief:
 
 
 Rival = Callable[[Dataset, RivalBelief, int], Claim]
-
-
-class Held(NamedTuple):
-    """A fold: which of n rows are learnt from, and which are held out; masks [n]."""
-
-    train: Array
-    out: Array
-
-
-def folds(n: int) -> tuple[Held, ...]:
-    """Hold out every fifth of n shots, as in truearc's own figures on unseen shots."""
-    fold = folds_of(n)
-    return tuple(Held(fold != k, fold == k) for k in range(FOLDS))
 
 
 def believed_of(found: Investigation) -> RivalBelief | None:

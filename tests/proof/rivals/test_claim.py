@@ -1,8 +1,7 @@
-"""What entrants get and answer, tracks and laws, and learners of the residual."""
+"""What entrants get and answer, tracks and laws, and the learner of the residual."""
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -77,7 +76,6 @@ def test_what_changes_a_force_is_a_candidate_where_the_force_is_believed() -> No
 # --- residual
 
 COUNT, NOISE = 150, 0.1
-LEARNERS = {"gp": residual.learn_process, "boosted": partial(residual.learn_trees, 0)}
 
 
 def made(signal: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -88,20 +86,16 @@ def made(signal: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return table, residuals
 
 
-@pytest.mark.parametrize("name", LEARNERS)
-def test_a_sine_of_one_covariate_is_learnt_and_leant_on(name: str) -> None:
+def test_a_sine_of_one_covariate_is_learnt_and_leant_on() -> None:
     table, residuals = made(0.5)
-    foretold = residual.cross_validate(table, residuals, LEARNERS[name])
-    left = np.std(residuals[:, 2] - foretold[:, 2])
-    assert residual.gain_of_each(residuals, foretold).mean() > 0.2
-    assert left < {"gp": 1.3, "boosted": 2.2}[name] * NOISE      # of 0.36 before
-    assert LEARNERS[name](table, residuals).leaning().argmax() == 1
+    foretold = residual.cross_validate(table, residuals)
+    assert residual.gain(residuals, foretold) > 0.2
+    assert np.std(residuals[:, 2] - foretold[:, 2]) < 1.3 * NOISE      # of 0.36 before
+    assert residual.leaning(residual.learn(table, residuals)).argmax() == 1
 
 
-@pytest.mark.parametrize("name", LEARNERS)
-def test_noise_about_nothing_is_not_foretold(name: str) -> None:
-    gains = [residual.gain_of_each(made(0.0, seed)[1], residual.cross_validate(*made(0.0, seed), LEARNERS[name])).mean()
-             for seed in range(2)]
+def test_noise_about_nothing_is_not_foretold() -> None:
+    gains = [residual.gain(made(0.0, seed)[1], residual.cross_validate(*made(0.0, seed))) for seed in range(2)]
     assert max(gains) < 0.02
 
 
