@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from truearc.cli.common import make_progress, origin_of
+from truearc.cli.common import make_progress
 from truearc.errors import InputError
 from truearc.sim.compute import keep_compiled
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
@@ -18,9 +18,8 @@ from truearc_proof.rounds import Room, Step, last_digest, read_ledger
 from truearc_proof.rounds.archive import check_round, compare_claims, give_away, pack, solver_of, unpack
 from truearc_proof.rounds.committer import RoundPlan, answer_round, entropy, load_plan, seal_own, seal_round
 from truearc_proof.rounds.grader import Graded, grade_round, graded_of, unclaimed
-from truearc_proof.rounds.page import make_proof_page, verdict
 from truearc_proof.rounds.solver import solve_round, solver_id
-from truearc_proof.rounds.tables import make_tables, plain_figures
+from truearc_proof.rounds.tables import make_tables, plain_figures, verdict
 from truearc_proof.rounds.worlds import OWN
 
 
@@ -137,8 +136,8 @@ def _rivals(args: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _tell(args: argparse.Namespace, room: Room, graded: Sequence[Graded]) -> None:
-    """Print the tables; write the page with them, and their figures."""
-    steps, entries = room.steps(), read_ledger(room.ledger)
+    """Print the tables; write their figures."""
+    steps = room.steps()
     waiting = len(unclaimed(steps))
     if waiting:
         print(f"{waiting} worlds are sealed and not claimed: they are in no table.")
@@ -146,14 +145,11 @@ def _tell(args: argparse.Namespace, room: Room, graded: Sequence[Graded]) -> Non
         print("Nothing has been marked yet.")
         return
     marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
-    tables = make_tables(marks, again)
-    origin = origin_of(args)._replace(sha256=last_digest(room.ledger))
-    room.report.write_text(make_proof_page(marks, tables, entries, origin), encoding="utf-8")
     room.figures.write_bytes(msgspec.json.format(msgspec.json.encode(plain_figures(marks)), indent=1) + b"\n")
     sealed = [f"{one.world} was sealed as {steps[one.world][Step.SEALED]}: compare it with the number you were given"
               for one in graded if one.first.engine == OWN]
-    files = f"report: {room.report}; figures: {room.figures}; every mark: {room.grades}"
-    print("\n\n".join([verdict(marks), *(one.markdown() for one in tables), *sealed, files]))
+    files = f"figures: {room.figures}; every mark: {room.grades}"
+    print("\n\n".join([verdict(marks), *(one.markdown() for one in make_tables(marks, again)), *sealed, files]))
 
 
 def _seal_own(args: argparse.Namespace, room: Room) -> int:

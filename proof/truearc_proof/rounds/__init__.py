@@ -12,8 +12,7 @@
     ROUND/keeper/round.json       how the round was drawn; not for the solver
     ROUND/keeper/w0001.json       the world's seal; not for the solver
     ROUND/grades.jsonl            marks of opened worlds
-    ROUND/report.html             all of these, in pictures and tables
-    ROUND/figures.json            the figures of those tables, with intervals
+    ROUND/figures.json            the figures of the printed tables, with intervals
 
 The ledger has one JSON object per line, each with the SHA-256 of the preceding line, so that no line can be changed,
 removed or inserted without breaking the chain. Lines are only appended, and are on disk before their subject is
@@ -142,7 +141,7 @@ def committed(entries: tuple[Entry, ...], world: str) -> dict[str, str]:
 
 
 PLACES = {"ledger": "ledger.jsonl", "keeper": "keeper", "plan": "keeper/round.json", "grades": "grades.jsonl",
-          "report": "report.html", "figures": "figures.json", "home": "home.json", "half": "half"}
+          "figures": "figures.json", "home": "home.json", "half": "half"}
 
 
 @dataclass(frozen=True)

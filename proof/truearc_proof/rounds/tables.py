@@ -1,7 +1,7 @@
-"""Tables of a proof round: figures with Wilson's 95 % intervals, and targets that were set before the rounds."""
+"""Verdict and tables of a proof round: figures with Wilson's 95 % intervals, and targets set before the rounds."""
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import pairwise, product
+from itertools import product
 from operator import attrgetter
 from statistics import median
 from typing import Any, NamedTuple
@@ -18,7 +18,6 @@ GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases":
 KINDS = {"one": "one effect", "two": "two effects", "alias": "aliases", "decoy": "with a decoy",
          "off": "in no catalogue"}
 CHANGED = {**KINDS, "one": "one thing changed", "two": "two things"}     # of MuJoCo's robot
-STEPS = (0.0, 1.0, 3.0, 7.0, 15.0, 35.0, 100.0, float("inf"))      # of lambda
 REQUESTS = {SHOTS: "shots", MEASUREMENT: "one measurement"}
 Question = Callable[[Mark], bool | None]
 Again = Sequence[tuple[Mark, Mark]]
@@ -30,20 +29,41 @@ RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("cov
 def make_tables(marks: Sequence[Mark], again: Again = ()) -> list[Table]:
     """Return the tables of a round that have rows.
 
-    False alarms, detection by lambda and by name, correct answers, the abstention matrix, the targets of the posterior,
-    rivals, and the gain of further shots. Foreign worlds come first.
+    False alarms, correct answers, the abstention matrix, the targets of the posterior, rivals, and the gain of further
+    shots. Foreign worlds come first.
 
     Args:
         marks: Of first claims.
         again: (first, second) marks of the worlds that were shot again.
     """
-    tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks),
+    tables = [_alarms(marks), _right(marks),
               Table("What was true against what was said", ("true, said", *VERDICTS),
                     [[title, *map(str, counts)] for title, counts in matrix_of(marks).items()]),
               Table("Against the targets of the posterior", ("figure", "here", "wanted", ""),
                     posterior_rows(marks) if len({one.level for one in marks}) == 1 else []),
               _rivals(marks), _again(again)]
     return [one for one in tables if one.rows]
+
+
+def verdict(marks: Sequence[Mark]) -> str:
+    """Return the verdict in a sentence or two."""
+    nulls, hidden = ([one for one in marks if (one.kind in NULLS) == null] for null in (True, False))
+    named = [one for one in hidden if one.first is not None]
+    parts = []
+    if nulls:
+        parts.append(f"Where nothing was missing, something was claimed in {_words(nulls, lambda one: one.found)}.")
+    if hidden:
+        parts.append(f"Where something was hidden, it was found in {_words(hidden, lambda one: one.found)}.")
+    if named:
+        parts.append("Of what was found and has a name, the right one or one that such data cannot tell from it came "
+                     f"first in {_words(named, up_to_alias)}.")
+    return " ".join(parts)
+
+
+def _words(marks: Sequence[Mark], question: Question) -> str:
+    yes, of = share(marks, question)
+    low, high = wilson(yes, of)
+    return f"{yes} of {of} worlds ({low:.0%} to {high:.0%})"
 
 
 def share(marks: Iterable[Mark], question: Question) -> tuple[int, int]:
@@ -62,14 +82,6 @@ def matrix_of(marks: Sequence[Mark]) -> dict[str, list[int]]:
             for title, kinds in GROUPS.items() if any(one.kind in kinds for one in marks)}
 
 
-def ladder_of(marks: Sequence[Mark]) -> list[tuple[float, float, list[Mark]]]:
-    """Return (least lambda, most, worlds with one hidden effect of the catalogue in between)."""
-    single = [one for one in marks if one.kind in ("one", "alias")]
-    steps = [(low, high, [one for one in single if one.strength is not None and low <= one.strength < high])
-             for low, high in pairwise(STEPS)]
-    return [step for step in steps if step[2]]
-
-
 def _alarms(marks: Sequence[Mark]) -> Table:
     titles = {"foreign, unchanged": [(FOREIGN, "clean")], "clean": [(NUMPY, "clean")], "dirty": [(NUMPY, "dirty")],
               "MuJoCo, unchanged": [(MUJOCO, "clean")], "MuJoCo, unchanged, dirty": [(MUJOCO, "dirty")],
@@ -79,31 +91,6 @@ def _alarms(marks: Sequence[Mark]) -> Table:
     rows = [[title, said(*share(mine, FOUND)), said(*share(mine, lambda one: bool(one.names)))]
             for title, mine in groups.items() if mine]
     return Table("Worlds in which nothing is missing (nominal 0.05)", ("", "false alarms", "a name was given"), rows)
-
-
-def _ladder(marks: Sequence[Mark]) -> Table:
-    rows = []
-    for low, high, mine in ladder_of(marks):
-        allowed = [one.allowed[0] for one in mine if one.allowed]
-        rows.append([f"{low:g}-{high:g}" if high < STEPS[-1] else f"{low:g} and more",
-                     said(*share(mine, lambda one: one.found)),
-                     f"{sum(allowed) / len(allowed):.2f}" if allowed else "-",
-                     *(said(*share(mine, question)) for question in (*RIGHT, STAGE))])
-    return Table("One hidden effect, by how plain it is", (
-        "lambda", "found", "these data allow", "first name right", "up to alias", "in the set", "stage"), rows)
-
-
-def _by_name(marks: Sequence[Mark]) -> Table:
-    """Those first of which most was missed of what their data allow."""
-    single = [one for one in marks if one.engine == NUMPY and one.kind == "one" and one.allowed]
-    rows = []
-    for name in sorted({one.hidden for one in single}):
-        mine = [one for one in single if one.hidden == name]
-        allowed = sum(one.allowed[0] for one in mine if one.allowed)
-        rows.append((sum(one.found for one in mine) - allowed, [
-            ", ".join(name), f"{sum(one.found for one in mine)}/{len(mine)}", f"{allowed:.1f}"]))
-    return Table("One effect of the catalogue, by name", ("hidden", "found", "these data allow to find"),
-                 [row for _, row in sorted(rows)])
 
 
 def _right(marks: Sequence[Mark]) -> Table:
