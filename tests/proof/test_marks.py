@@ -36,7 +36,7 @@ def test_the_right_name_with_its_size() -> None:
     told = mark(ONE, finding(("wind_x", 0.95)), Measured((0.9, 0.8, 0.85, 0.9), (), 0.4))
     assert (told.found, told.stage, told.first, told.alias, told.covered, told.holds) == (True,) * 6
     assert told.error == pytest.approx(0.5)
-    assert (told.strength, told.hidden) == (20.0, ("wind_x",))
+    assert told.hidden == ("wind_x",)
 
 
 def test_a_wrong_name_and_a_set_that_has_the_right_one() -> None:
@@ -256,9 +256,9 @@ def test_readings_scatter_about_the_truth_by_their_stated_error(tool: str) -> No
 
 # --- report
 
-ALLOWED = Measured((0.28, 0.2, 0.25, 0.26), (DECOY,), 0.4)
+ALLOWED = Measured((0.28,), (DECOY,), 0.4)
 SLIP, WIND = ["wheel_slip"], ["wind_x"]
-PLAIN = Mark("a", "numpy", "one", "L1", 300, ("wind_x",), 9.0, True, 0.001, "named", ("wind_x",), said=0.9, alias=True,
+PLAIN = Mark("a", "numpy", "one", "L1", 300, ("wind_x",), True, 0.001, "named", ("wind_x",), said=0.9, alias=True,
              right=("wind_x",), unexplained=0.05)
 
 

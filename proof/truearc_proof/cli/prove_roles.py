@@ -69,7 +69,7 @@ def _solve_again(args: argparse.Namespace, room: Room, names: Sequence[str]) -> 
         wrong = [line for name in names for line in compare_claims(room, away, name)]
     if wrong:
         raise InputError("\n".join(wrong))
-    return f"{', '.join(names)}: solved again from the data alone, and the same claimed."
+    return f"{', '.join(names)}: solved again from the data alone, and marked alike."
 
 
 def play_role(args: argparse.Namespace) -> int:

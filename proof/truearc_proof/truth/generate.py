@@ -192,14 +192,6 @@ def foreign_robot(seed: int, level: str, practice: int, event: int, change: Mapp
     return home, replace(home, seed=seed + LATER, shots=event, effects=effects)
 
 
-def shift_m(world: World) -> Floats:
-    """Return the shift of each shot's height at the plane by effects of launch and flight [n]; nan: falls short."""
-    season = play(world)
-    none = np.full(world.shots, np.inf)              # a gust that never sets in
-    plain = fly_shots(replace(world, effects={}), season.plan, season.wheels_rad_s, draw_luck(world), none)
-    return season.flown.arrival.height_m - plain.arrival.height_m
-
-
 def record(world: World, plan: Plan, seen: tuple[Floats, Floats], ratio: Floats, flight_s: Floats) -> TruthSeason:
     """Return the shots of a plan and the sensor readings of them.
 
