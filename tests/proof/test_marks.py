@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -12,11 +11,9 @@ from benchmarks import seasons
 from benchmarks.proof import claimed_bins
 from benchmarks.worlds import KINDS, Job, amount_of, mark_job, plan_jobs
 from truearc.errors import InputError
-from truearc.sim.physics.catalogue import TERMS
-from truearc_proof.rounds import TOOLS
 from truearc_proof.rounds.marks import Mark, Measured, change_of, is_alias, mark, named_decoy, said_set, up_to_alias
 from truearc_proof.rounds.tables import kept_in_test, make_tables, posterior_rows, verdict
-from truearc_proof.rounds.worlds import ALIKE, DECOY, DIRTS, PARAMETER, Drawn, names_at, read_off
+from truearc_proof.rounds.worlds import ALIKE, DECOY, DIRTS, Drawn, names_at
 
 # --- score world
 
@@ -48,7 +45,7 @@ def test_a_wrong_name_and_a_set_that_has_the_right_one() -> None:
     assert (alike.first, alike.alias) == (False, True)
 
 
-def test_nothing_found_is_asked_nothing() -> None:
+def test_nothing_found_has_no_marks_of_names() -> None:
     told = mark(ONE, finding(found=False, verdict="none"), Measured((0.5, 0.4, 0.4, 0.4)))
     assert (told.found, told.first, told.stage, told.names) == (False, None, None, ())
     assert told.allowed == (0.5, 0.4, 0.4, 0.4)
@@ -230,28 +227,6 @@ def test_amplitudes_take_turns_in_sign_where_nature_is_free():
     signs = [amount_of(Job("effects", "wind_x", "L2", 300, 0.25, 7, index)) for index in range(4)]
     assert signs == [0.2, -0.2, 0.2, -0.2]
     assert {amount_of(Job("effects", "spin_decay", "L2", 300, 1.0, 7, index)) for index in range(4)} == {0.6}
-
-
-# --- instruments
-
-@pytest.mark.parametrize("tool", TOOLS)
-def test_a_tool_is_what_discovery_proposes_for_its_terms(tool: str) -> None:
-    assert {term.name for term in TERMS if term.instrument and term.instrument.id == tool} == set(TOOLS[tool])
-
-
-@pytest.mark.parametrize("tool", TOOLS)
-def test_readings_scatter_about_the_truth_by_their_stated_error(tool: str) -> None:
-    """Of the first of the tool's terms; of the others there is nothing."""
-    name, *others = TOOLS[tool]
-    amount = 0.02
-    readings = [read_off(tool, {name: amount}, seed) for seed in range(400)]
-    for term in (name, *others):
-        values, sd = np.array([one[term]["value"] for one in readings]), TOOLS[tool][term]
-        wanted = PARAMETER[term][1](amount) if term == name else 0.0
-        assert values.mean() == pytest.approx(wanted, abs=4.0 * sd / np.sqrt(len(values)))
-        assert values.std() == pytest.approx(sd, rel=0.15)
-        assert {one[term]["sd"] for one in readings} == {sd}
-    assert readings[3] == read_off(tool, {name: amount}, 3)
 
 
 # --- report

@@ -16,7 +16,7 @@ from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
 from truearc_proof.rivals import check_rivals
 from truearc_proof.rounds import Room, Step, last_digest, read_ledger
 from truearc_proof.rounds.archive import check_round, compare_claims, give_away, pack, solver_of, unpack
-from truearc_proof.rounds.committer import RoundPlan, answer_round, entropy, load_plan, seal_own, seal_round
+from truearc_proof.rounds.committer import RoundPlan, entropy, load_plan, seal_own, seal_round
 from truearc_proof.rounds.grader import Graded, grade_round, graded_of, unclaimed
 from truearc_proof.rounds.solver import solve_round, solver_id
 from truearc_proof.rounds.tables import make_tables, plain_figures, verdict
@@ -94,10 +94,6 @@ def _play(args: argparse.Namespace, room: Room) -> int:
         solve_round(room, make_progress("solve", args.quiet), args.processes, _rivals(args))
     elif args.role is None:
         solve_apart(args, args.out)
-    if args.role == "answer" or (args.role is None and args.follow_up):
-        answer_round(room, make_progress("answer", args.quiet), args.processes)
-    if args.role is None and args.follow_up:
-        solve_apart(args, args.out)
     if args.role in (None, "grade"):
         _tell(args, room, grade_round(room, make_progress("grade", args.quiet), args.processes, args.so_far))
     # to be told to the others, so that nothing in the ledger can be changed unseen from here on
@@ -127,7 +123,7 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"--solve {args.solve}: with check, and no more than --worlds {args.worlds}, which are made "
                        "again")
     ledger, unpacked = Room(Path(args.out)).ledger, args.role == "check" and args.packed
-    if args.role in ("solve", "answer", "grade", "pack", "check") and not (unpacked or ledger.exists()):
+    if args.role in ("solve", "grade", "pack", "check") and not (unpacked or ledger.exists()):
         raise InputError(f"{ledger}: is missing: no round was begun there")
 
 
@@ -144,12 +140,12 @@ def _tell(args: argparse.Namespace, room: Room, graded: Sequence[Graded]) -> Non
     if not graded:
         print("Nothing has been marked yet.")
         return
-    marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
+    marks = [one.first for one in graded]
     room.figures.write_bytes(msgspec.json.format(msgspec.json.encode(plain_figures(marks)), indent=1) + b"\n")
     sealed = [f"{one.world} was sealed as {steps[one.world][Step.SEALED]}: compare it with the number you were given"
               for one in graded if one.first.engine == OWN]
     files = f"figures: {room.figures}; every mark: {room.grades}"
-    print("\n\n".join([verdict(marks), *(one.markdown() for one in make_tables(marks, again)), *sealed, files]))
+    print("\n\n".join([verdict(marks), *(one.markdown() for one in make_tables(marks)), *sealed, files]))
 
 
 def _seal_own(args: argparse.Namespace, room: Room) -> int:

@@ -1,8 +1,8 @@
 """The archive of a finished round in one file, without its data, which the opened seals reproduce byte for byte.
 
 First claims are recomputed from the released data alone, and must earn the same marks, which shows that they do not use
-the truth. Only the same solver, identified by its hash, makes the same claims. The claims of rivals, follow-up requests
-and second claims are not recomputed.
+the truth. Only the same solver, identified by its hash, makes the same claims. The claims of rivals are not recomputed,
+and what older rounds have of further shots is not looked at.
 
 In two gradings of one world, the claims, the truth and the correctness must be identical, and numbers computed from the
 data must agree within the precision of different machines. The grader's own numbers (the ceiling that the data allow)
@@ -24,12 +24,12 @@ import numpy as np
 from truearc.errors import MAX_BYTES, InputError
 from truearc.sim.printed import Progress
 from truearc_proof.rounds import Room, Step, append, digest, grader, load_seal
-from truearc_proof.rounds.committer import answer, asked_of, entropy
+from truearc_proof.rounds.committer import entropy
 from truearc_proof.rounds.marks import Mark
 from truearc_proof.rounds.solver import solver_id
 from truearc_proof.rounds.worlds import HOME, OWN, Drawn, drawn_of, make_data
 
-KEPT = ("ledger.jsonl", "grades.jsonl", "keeper", "claims", "again")
+KEPT = ("ledger.jsonl", "grades.jsonl", "keeper", "claims")
 NEARLY = 1e-3                         # what other machines' rounding makes of a fit
 ROUNDING = 1e-6                       # of sums in another order; forty worlds marked again were off by 2e-12 at most
 # Of a chance drawn 2000 times, threshold and all, twice: drawn by six seeds in sixteen worlds it had a standard
@@ -99,18 +99,15 @@ def unpack(path: Path, room: Room) -> None:
 def remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
     """Recreate a world's data; return what differs from the commitment."""
     drawn = _drawn(room, name)
-    for directory in (room.data(name), room.more(name)):
-        shutil.rmtree(directory, ignore_errors=True)
-        directory.parent.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(room.data(name), ignore_errors=True)
+    room.data(name).parent.mkdir(parents=True, exist_ok=True)
     make_data(drawn, room.data(name))
-    if Step.ANSWERED in done:
-        answer(drawn, asked_of(room, name), room.more(name))
     return grader.check_world(room, name, done)
 
 
 def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = None,
                 remake: Callable[[Room, str, dict[str, str]], list[str]] = remake,
-                mark: Callable[[Path, tuple[Drawn, bool]], grader.Graded] = grader.mark_world) -> Checked:
+                mark: Callable[[Path, Drawn], grader.Graded] = grader.mark_world) -> Checked:
     """Recreate the data of `worlds` worlds, compare all hashes, and mark them again.
 
     The sample is drawn from the seed; without one, from entropy, so that no player can predict it. For all worlds,
@@ -129,9 +126,8 @@ def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = 
         changed = remake(room, name, steps[name])
         wrong += changed
         if name in marked and not changed:
-            again = Step.CLAIMED_AGAIN in steps[name]
-            compared = compare_gradings(marked[name], mark(room.root, (_drawn(room, name), again)),
-                               solver_of(room, name) == solver_id())
+            compared = compare_gradings(marked[name], mark(room.root, _drawn(room, name)),
+                                        solver_of(room, name) == solver_id())
             wrong += [f"{room.claims(name)}: is marked otherwise now: {one}" for one in compared.other]
             off = {number: max(far, compared.off[number]) for number, far in off.items()}
     progress(1.0, f"{len(chosen)} worlds made again")
@@ -143,9 +139,9 @@ def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = 
 def _check_papers(room: Room, name: str, done: dict[str, str]) -> list[str]:
     wrong = [] if load_seal(room.seal(name)).commitment == done.get(Step.SEALED) else [
         f"{room.seal(name)}: is not what was sealed"]
-    for step, path in ((Step.CLAIMED, room.claims(name)), (Step.CLAIMED_AGAIN, room.again(name))):
-        if step in done and (not path.is_file() or digest(path.read_bytes()) != done[step]):
-            wrong.append(f"{path}: is not what was claimed")
+    path = room.claims(name)
+    if Step.CLAIMED in done and (not path.is_file() or digest(path.read_bytes()) != done[Step.CLAIMED]):
+        wrong.append(f"{path}: is not what was claimed")
     return wrong
 
 
@@ -177,7 +173,7 @@ def solver_of(room: Room, name: str) -> str:
 def compare_claims(room: Room, other: Room, name: str) -> tuple[str, ...]:
     """Return a sentence for each mark that claims about a world in the other round would get otherwise; numbers may be
     off by NEARLY, as fits are between machines."""
-    was, now = (grader.mark_world(one.root, (_drawn(room, name), False)) for one in (room, other))
+    was, now = (grader.mark_world(one.root, _drawn(room, name)) for one in (room, other))
     return tuple(f"{room.claims(name)}: solved again, its {line}"
                  for line in compare_gradings(was, now, tolerance=SOLVED_AGAIN).other)
 
@@ -203,19 +199,15 @@ def compare_gradings(was: grader.Graded, now: grader.Graded, fits_alike: bool = 
         tolerance: By field.
     """
     other, off = [], dict.fromkeys(tolerance, 0.0)
-    for when, before, after in (("", was.first, now.first), ("with further shots: ", was.again, now.again)):
-        if before is None or after is None:
-            other += [f"{when}was marked only once"] if before is not after else []
+    for name in Mark.__struct_fields__:
+        old, new = getattr(was.first, name), getattr(now.first, name)
+        far = _far(old, new) if name in tolerance else None
+        if far is not None:
+            off[name] = max(off[name], far)
+        if not fits_alike and (name in tolerance or name in FITTED):
             continue
-        for name in Mark.__struct_fields__:
-            old, new = getattr(before, name), getattr(after, name)
-            far = _far(old, new) if name in tolerance else None
-            if far is not None:
-                off[name] = max(off[name], far)
-            if not fits_alike and (name in tolerance or name in FITTED):
-                continue
-            if (far is None and old != new) or (far is not None and not far <= tolerance[name]):
-                other.append(f"{when}{name} is {new!r}, was {old!r}")
+        if (far is None and old != new) or (far is not None and not far <= tolerance[name]):
+            other.append(f"{name} is {new!r}, was {old!r}")
     return Compared(tuple(other), off)
 
 

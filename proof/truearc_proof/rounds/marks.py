@@ -49,7 +49,7 @@ from truearc_proof.truth.generate import play
 
 FALSE_ALARM = 0.05
 DRAWS = 2000
-APART = 1 << 41                       # of its seeds from those of the world's own season, and of its follow-up's
+APART = 1 << 41                       # of its seeds from those of the world's own season
 
 
 def ceiling_of(evidence: ScoreTable, level: str, name: str, amplitude: float, seed: int
@@ -266,7 +266,6 @@ def in_catalogue(name: str, amount: float) -> tuple[str, float] | None:
 # --- marks
 
 NULLS = ("clean", "dirty")
-SHOTS, MEASUREMENT = "shots", "measurement"
 
 
 class Mark(Struct, frozen=True):
@@ -278,7 +277,7 @@ class Mark(Struct, frozen=True):
     (Cramer and Rao). allowed: the chance that the data allow to find it. goes_with:
     covariate and direction of what is in no catalogue. right: names of the catalogue that would be right. off_m: RMS
     errors of heights in the sealed test, by what was believed, by what was adopted, and, where the grader knows it,
-    by what is believed with the true term. asked: SHOTS, a MEASUREMENT or "". rivals: of others put to the same
+    by what is believed with the true term. rivals: of others put to the same
     data, whether each says something, and of its first name what `first` and `alias` are of ours, decoys taken out.
     said, unexplained: probabilities that were claimed of the first name, and of a change that no term explains.
     """
@@ -306,7 +305,6 @@ class Mark(Struct, frozen=True):
     right: tuple[str, ...] = ()
     rivals: dict[str, tuple[bool, bool | None, bool | None]] = {}
     off_m: tuple[float, ...] | None = None
-    asked: str = ""
     said: float | None = None
     unexplained: float | None = None
 

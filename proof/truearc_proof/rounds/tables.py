@@ -7,7 +7,7 @@ from statistics import median
 from typing import Any, NamedTuple
 
 from truearc.sim.statistics import wilson
-from truearc_proof.rounds.marks import MEASUREMENT, NULLS, SHOTS, Mark, up_to_alias
+from truearc_proof.rounds.marks import NULLS, Mark, up_to_alias
 from truearc_proof.rounds.worlds import FOREIGN, MUJOCO, NUMPY, OWN
 from truearc_proof.table import Table
 from truearc_proof.truth.world import LEVELS
@@ -18,30 +18,24 @@ GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases":
 KINDS = {"one": "one effect", "two": "two effects", "alias": "aliases", "decoy": "with a decoy",
          "off": "in no catalogue"}
 CHANGED = {**KINDS, "one": "one thing changed", "two": "two things"}     # of MuJoCo's robot
-REQUESTS = {SHOTS: "shots", MEASUREMENT: "one measurement"}
 Question = Callable[[Mark], bool | None]
-Again = Sequence[tuple[Mark, Mark]]
 FOUND: Question = attrgetter("found")
 STAGE: Question = attrgetter("stage")
 RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("covered"))
 
 
-def make_tables(marks: Sequence[Mark], again: Again = ()) -> list[Table]:
+def make_tables(marks: Sequence[Mark]) -> list[Table]:
     """Return the tables of a round that have rows.
 
-    False alarms, correct answers, the abstention matrix, the targets of the posterior, rivals, and the gain of further
-    shots. Foreign worlds come first.
-
-    Args:
-        marks: Of first claims.
-        again: (first, second) marks of the worlds that were shot again.
+    False alarms, correct answers, the abstention matrix, the targets of the posterior, and rivals. Foreign worlds come
+    first.
     """
     tables = [_alarms(marks), _right(marks),
               Table("What was true against what was said", ("true, said", *VERDICTS),
                     [[title, *map(str, counts)] for title, counts in matrix_of(marks).items()]),
               Table("Against the targets of the posterior", ("figure", "here", "wanted", ""),
                     posterior_rows(marks) if len({one.level for one in marks}) == 1 else []),
-              _rivals(marks), _again(again)]
+              _rivals(marks)]
     return [one for one in tables if one.rows]
 
 
@@ -139,23 +133,6 @@ def yes_of(answers: Iterable[bool | None]) -> tuple[int, int]:
     """Return (yes, of) for those that are not None."""
     known = [answer for answer in answers if answer is not None]
     return sum(known), len(known)
-
-
-def _again(pairs: Again) -> Table:
-    named = {kind: [pair for pair in pairs if pair[0].first is not None and pair[0].asked == kind]
-             for kind in REQUESTS}
-    rows = [[REQUESTS[kind], str(len(mine)), *_before_and_after(mine)] for kind, mine in named.items() if mine]
-    return Table("Further shots and measurements: answers before and after", (
-        "", "worlds", "set before", "after", "first name right before", "after", "the right name alone before",
-        "after"), rows)
-
-
-def _before_and_after(named: Again) -> list[str]:
-    sizes = [[one.set_size for one in side if one.set_size is not None] for side in zip(*named, strict=True)]
-    cells = [f"{sum(side) / len(side):.1f}" if side else "-" for side in sizes]
-    for question in (lambda one: one.first, lambda one: bool(one.first) and one.names == one.hidden):
-        cells += [said(*share(side, question)) for side in zip(*named, strict=True)]
-    return cells
 
 
 # --- figures and their targets
