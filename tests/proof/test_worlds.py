@@ -8,17 +8,15 @@ import msgspec
 import numpy as np
 import pytest
 
-import truearc as ta
 from truearc import robot
 from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.files import load_dataset
-from truearc.sim.infer.belief import as_table
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import Season, ShotSetting
-from truearc_proof.rounds import Room, hash_files, solver, worlds
+from truearc_proof.rounds import hash_files, worlds
 from truearc_proof.rounds.marks import GOES_WITH, hidden_of, right_names, shoot_unseen
 from truearc_proof.rounds.worlds import FOREIGN, MUJOCO, NUMPY, SHARES, Change, Drawn, changes_of, dirty_options
 from truearc_proof.truth.generate import shoot
@@ -271,43 +269,3 @@ def test_every_kind_becomes_the_same_data_again(kind: str, tmp_path: Path) -> No
     assert len(first.shots) == 12 and first.tracks is not None and first.facts.believe.terms == ()
     worlds.make_data(one, tmp_path / "again")
     assert (tmp_path / "again" / "shots.csv").read_bytes() == (tmp_path / "w1" / "shots.csv").read_bytes()
-
-
-# --- home
-
-BELIEVED = ta.Belief({"drag": {"k_per_m": 0.1 + 0.2}, "gravity": {"g_m_s2": 9.81}}, {"speed_rel": 0.01},
-                     ("drag.k_per_m",), np.array([[1e-4 / 3]]))
-
-
-@pytest.fixture
-def worked_out(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Shots of sessions that were worked out, in a solver that does not take minutes."""
-    homes: list[int] = []
-    monkeypatch.setattr(solver, "_believed_after", lambda home: (homes.append(len(home.shots)), BELIEVED)[1])
-    solver.at_home.cache_clear()
-    return homes
-
-
-@pytest.fixture
-def room(tmp_path: Path) -> Room:
-    worlds.make_data(Drawn("home", MUJOCO, "clean", "L1", 6, 5, change="nothing"), Room(tmp_path).data("home"))
-    return Room(tmp_path)
-
-
-def test_what_was_kept_is_what_was_worked_out_to_the_last_bit(room: Room, worked_out: list[int]) -> None:
-    solver._keep_home(room)
-    solver._keep_home(room)
-    dataset, belief = solver.at_home(room)
-    assert worked_out == [6] and len(dataset.shots.shot_id) == 6
-    assert as_table(belief) == as_table(BELIEVED)
-
-
-@pytest.mark.parametrize("key", ["solver", "data"])
-def test_what_another_solver_kept_or_of_other_data_is_worked_out_again(room: Room, worked_out: list[int],
-                                                                       key: str) -> None:
-    solver._keep_home(room)
-    kept = msgspec.json.decode(room.home.read_bytes())
-    room.home.write_bytes(msgspec.json.encode({**kept, key: "other"}))
-    solver.at_home(room)
-    solver._keep_home(room)
-    assert worked_out == [6] * 3 and msgspec.json.decode(room.home.read_bytes()) == kept

@@ -5,7 +5,6 @@
     ROUND/ledger.jsonl            every step of every world, as a hash chain
     ROUND/data/w0001/             a released dataset; of a foreign world, its practice is in the folder home
     ROUND/data/home/              MuJoCo's robot before any change, if there are such worlds
-    ROUND/home.json               the belief from that robot's session, computed once for all claims
     ROUND/claims/w0001.json       the solver's claims about that dataset
     ROUND/keeper/round.json       how the round was drawn; not for the solver
     ROUND/keeper/w0001.json       the world's seal; not for the solver
@@ -137,7 +136,7 @@ def committed(entries: tuple[Entry, ...], world: str) -> dict[str, str]:
 
 
 PLACES = {"ledger": "ledger.jsonl", "keeper": "keeper", "plan": "keeper/round.json", "grades": "grades.jsonl",
-          "figures": "figures.json", "home": "home.json", "half": "half"}
+          "figures": "figures.json", "half": "half"}
 
 
 @dataclass(frozen=True)

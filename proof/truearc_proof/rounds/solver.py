@@ -26,7 +26,7 @@ import truearc.sim
 import truearc_proof
 from truearc.sim.check.check import CHECKS
 from truearc.sim.discover.investigate import make_belief
-from truearc.sim.infer.belief import as_table, from_table
+from truearc.sim.infer.belief import as_table
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
@@ -45,6 +45,8 @@ SOURCES = {
                   "paper/**/*.py", "sysid/**/*.py"),
     truearc_proof: ("parallel.py", "rounds/__init__.py", "rounds/solver.py"),
 }
+
+Home = tuple[ta.Dataset, ta.Belief]   # a session, and the belief from it
 
 _forbidden: list[str] = []
 
@@ -67,10 +69,12 @@ def _solve_sealed(room: Room, progress: Progress, workers: int | None, rivals: t
     if rivals and names and not any(any(room.data(name).glob("tracks.*")) for name in names):
         raise ta.InputError(f"--rivals: {room.root / 'data'}: no world has tracks, and others are put to tracks alone")
     todo = [name for name in names if Step.CLAIMED not in steps[name]]
-    if todo and room.data(HOME).is_dir():
+    home = None
+    if todo and room.data(HOME).is_dir():         # once, not once a worker: it takes minutes
         progress(0.0, "the unmodified robot's session is discovered in")
-        _keep_home(room)
-    fan_out(partial(solve, room.root.resolve(), rivals), todo,
+        session = ta.load_dataset(room.data(HOME))
+        home = session, _believed_after(session)
+    fan_out(partial(solve, room.root.resolve(), rivals, home), todo,
             lambda done, note: progress(done, "worlds are discovered in"), workers, partial(_claim, room))
     progress(1.0, f"{len(names)} worlds claimed")
 
@@ -81,13 +85,13 @@ def _claim(room: Room, world: str, claims: dict[str, Any]) -> None:
     append(room.ledger, Step.CLAIMED, world, digest(room.claims(world).read_bytes()))
 
 
-def solve(root: Path, rivals: tuple[str, ...], world: str) -> dict[str, Any]:
-    """Return one world's claims, and those of rivals if there are tracks."""
+def solve(root: Path, rivals: tuple[str, ...], home: Home | None, world: str) -> dict[str, Any]:
+    """Return one world's claims, and those of rivals if there are tracks. home: of MuJoCo's unmodified robot."""
     room = Room(root)
     forbid(room.keeper)
     directory = room.data(world)
     dataset = ta.load_dataset(directory)
-    found = _discover(room, world, dataset)
+    found = _discover(room, world, dataset, home)
     claims = {"schema": SCHEMA, "world": world, "solver": solver_id(), "data": hash_files(directory),
               "finding": msgspec.json.decode(found.to_json()), **believed_by(found)}
     believed = believed_of(found.investigation)
@@ -105,14 +109,15 @@ def believed_by(found: ta.Finding) -> dict[str, Any]:
     return {"believed": {"before": as_table(before), "after": as_table(after)}}
 
 
-def _discover(room: Room, world: str, dataset: ta.Dataset) -> ta.Finding:
+def _discover(room: Room, world: str, dataset: ta.Dataset, home: Home | None) -> ta.Finding:
     if (room.data(world) / HOME).is_dir():                       # a foreign world's own practice
-        home = ta.load_dataset(room.data(world) / HOME)
-        return _ask(dataset, belief=_believed_after(home), since=home)
+        practice = ta.load_dataset(room.data(world) / HOME)
+        return _ask(dataset, belief=_believed_after(practice), since=practice)
     if dataset.rig.believe.terms:
         return _ask(dataset)
-    home, belief = at_home(room)
-    return _ask(dataset, belief=belief, since=home)
+    if home is None:
+        raise ta.InputError(f"{room.data(HOME)}: is missing: these worlds are to be compared with it")
+    return _ask(dataset, belief=home[1], since=home[0])
 
 
 def _ask(dataset: ta.Dataset, **known: Any) -> ta.Finding:
@@ -128,34 +133,8 @@ def _write(path: Path, claims: dict[str, Any]) -> None:
     os.replace(half, path)
 
 
-def _keep_home(room: Room) -> None:
-    """Once a round, not once a worker: what the unmodified robot's session leaves to be believed takes minutes."""
-    if _kept_home(room) is None:
-        _write(room.home, {**_home_of(room), "belief": as_table(_believed_after(ta.load_dataset(room.data(HOME))))})
-
-
-def _kept_home(room: Room) -> ta.Belief | None:
-    """Return the belief in the round, None if another solver kept it or the data differ."""
-    kept = msgspec.json.decode(room.home.read_bytes()) if room.home.exists() else {}
-    return from_table(kept["belief"], str(room.home)) if _home_of(room).items() <= kept.items() else None
-
-
-def _home_of(room: Room) -> dict[str, Any]:
-    return {"solver": solver_id(), "data": hash_files(room.data(HOME))}
-
-
 def _believed_after(home: ta.Dataset) -> ta.Belief:
     return make_belief(_ask(home, believe=None if home.rig.believe.terms else AT_HOME).investigation)[0]
-
-
-@cache
-def at_home(room: Room) -> tuple[ta.Dataset, ta.Belief]:
-    """Return the unmodified robot's session, and the belief from it."""
-    directory = room.data(HOME)
-    if not directory.is_dir():
-        raise ta.InputError(f"{directory}: is missing: these worlds are to be compared with it")
-    home = ta.load_dataset(directory)
-    return home, _kept_home(room) or _believed_after(home)
 
 
 @cache
