@@ -13,7 +13,7 @@ from truearc.cli.common import make_progress
 from truearc.errors import InputError
 from truearc.sim.compute import keep_compiled
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
-from truearc_proof.rivals import check_rivals
+from truearc_proof.rivals import find_rival
 from truearc_proof.rounds import Room, Step, last_digest, read_ledger
 from truearc_proof.rounds.archive import check_round, compare_claims, give_away, pack, solver_of, unpack
 from truearc_proof.rounds.committer import RoundPlan, entropy, load_plan, seal_own, seal_round
@@ -116,7 +116,8 @@ def _check(args: argparse.Namespace) -> None:
         value = getattr(args, name)
         if value is not None and value < least:
             raise InputError(f"--{name} {value}: {least} or more")
-    check_rivals(_rivals(args))
+    for name in _rivals(args):
+        find_rival(name)
     if args.rivals and args.role in (None, "seal") and args.level != "L2":
         raise InputError(f"--rivals: others are put to tracks alone, which --level {args.level} does not have; L2 does")
     if args.solve and (args.role != "check" or args.solve > args.worlds):
@@ -134,8 +135,7 @@ def _rivals(args: argparse.Namespace) -> tuple[str, ...]:
 def _tell(args: argparse.Namespace, room: Room, graded: Sequence[Graded]) -> None:
     """Print the tables; write their figures."""
     steps = room.steps()
-    waiting = len(unclaimed(steps))
-    if waiting:
+    if waiting := len(unclaimed(steps)):
         print(f"{waiting} worlds are sealed and not claimed: they are in no table.")
     if not graded:
         print("Nothing has been marked yet.")
@@ -144,8 +144,8 @@ def _tell(args: argparse.Namespace, room: Room, graded: Sequence[Graded]) -> Non
     room.figures.write_bytes(msgspec.json.format(msgspec.json.encode(plain_figures(marks)), indent=1) + b"\n")
     sealed = [f"{one.world} was sealed as {steps[one.world][Step.SEALED]}: compare it with the number you were given"
               for one in graded if one.first.engine == OWN]
-    files = f"figures: {room.figures}; every mark: {room.grades}"
-    print("\n\n".join([verdict(marks), *(one.markdown() for one in make_tables(marks)), *sealed, files]))
+    print("\n\n".join([verdict(marks), *(one.markdown() for one in make_tables(marks)), *sealed,
+                       f"figures: {room.figures}; every mark: {room.grades}"]))
 
 
 def _seal_own(args: argparse.Namespace, room: Room) -> int:

@@ -53,7 +53,7 @@ def main(args: argparse.Namespace) -> int:
     repetitions = fan_out(models.run_repetition, models.tasks_of(pool, settings),
                           progress("fit and predict"), args.workers)
     answers = models.train_networks(repetitions, settings, progress("train networks"))
-    analysis = models.analyse(repetitions, answers, settings)
+    analysis = models.analyse(repetitions, answers)
     tables = page.make_tables(repetitions, analysis, settings)
     page.save_figures(folder, pool, repetitions, analysis, tables, settings)
     page.save_page(folder / "index.html", pool, repetitions, analysis, tables, settings, origin_of(args))

@@ -163,9 +163,13 @@ def import_3476(history: str | Path) -> Dataset:
     version alone can be read from its own shooterconfig.json.
     """
     with gathered() as problems:
-        commit, numbers, time_s = _dated(load_3476(Path(history), problems), problems)
-    every = range(len(commit))
-    order = sorted(every, key=lambda row: (time_s[row], row))
+        table = load_3476(Path(history), problems)
+        need_columns(table, ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm"))
+        commit, when = text_column(table, "commit", problems), text_column(table, "committed_at", problems)
+        numbers = _numbers(table, [*range(len(commit))], ("distance_m", "flywheel_rpm", "hood_eject_angle_deg"),
+                           problems)
+        time_s = np.array([_time_s(table, row, text, problems) for row, text in enumerate(when)])
+    order = sorted(range(len(commit)), key=lambda row: (time_s[row], row))
     rows, before = [], set[tuple[float, ...]]()
     for version in dict.fromkeys(commit[row] for row in order):
         points = {tuple(numbers[row]): row for row in order if commit[row] == version}
@@ -174,18 +178,9 @@ def import_3476(history: str | Path) -> Dataset:
     distance_m, wheel_rpm, hood_deg = numbers[rows].T
     shots = _shots(tuple(f"{commit[row]}-{row:03d}" for row in rows), distance_m, wheel_rpm, hood_deg,
                    {"t_s": time_s[rows] - time_s.min()}, {"version": tuple(commit[row] for row in rows)})
-    same = len(every) - len(rows)
+    same = len(commit) - len(rows)
     return Dataset("frc-3476", _rig(), shots,
                    left_out=(f"{same} set points that a version left as they were",) if same else ())
-
-
-def _dated(table: RawTable, problems: Problems) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Of each row its version, [rows, 3] distance, wheel and hood, and when it was written."""
-    need_columns(table, ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm"))
-    commit, when = text_column(table, "commit", problems), text_column(table, "committed_at", problems)
-    every = list(range(len(commit)))
-    numbers = _numbers(table, every, ("distance_m", "flywheel_rpm", "hood_eject_angle_deg"), problems)
-    return commit, numbers, np.array([_time_s(table, row, when[row], problems) for row in every])
 
 
 def _numbers(table: RawTable, rows: list[int], names: tuple[str, ...], problems: Problems) -> np.ndarray:

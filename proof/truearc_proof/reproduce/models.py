@@ -160,8 +160,6 @@ CUT = 0.5
 CLASSES = {"miss": (False, False), "two": (True, False), "three": (True, True)}
 BY_VALIDATION = "seed's network, setting best by validation"
 BY_TEST = "seed's network, setting best by test (generous)"
-PAPERS = "seed's network, the paper's setting"
-NO_SIMULATED = "network without simulated data"
 COMPARED = ("accuracy", "f1_three", "brier", "ece")
 LOW_IS_GOOD = ("brier", "ece")
 
@@ -271,8 +269,7 @@ def network_name(setting: SweepSetting) -> str:
     return f"{NETWORK}{setting.size} simulated, lambda {setting.weight:g}"
 
 
-def analyse(repetitions: Sequence[Repetition], answers: Sequence[dict[SweepSetting, Answer]],
-            settings: Settings) -> Analysis:
+def analyse(repetitions: Sequence[Repetition], answers: Sequence[dict[SweepSetting, Answer]]) -> Analysis:
     """Return the figures of every model in every repetition, and ours against all others."""
     figures: list[Figure] = []
     for one, networks in zip(repetitions, answers, strict=True):
@@ -281,11 +278,7 @@ def analyse(repetitions: Sequence[Repetition], answers: Sequence[dict[SweepSetti
         for setting, answer in networks.items():
             figures += _figures(one, network_name(setting), setting, answer.p)
         least = min(networks, key=lambda setting: networks[setting].validation_loss)
-        paper = SweepSetting(settings.best_size, settings.best_weight)
         figures += _figures(one, BY_VALIDATION, least, networks[least].p)
-        figures += _figures(one, PAPERS, paper, networks[paper].p)
-        if (none := SweepSetting(0, settings.best_weight)) in networks:
-            figures += _figures(one, NO_SIMULATED, none, networks[none].p)
     bare = Analysis(tuple(figures), ())
     return Analysis(bare.figures, tuple(_differences(bare, list(answers[0]))))
 

@@ -19,7 +19,7 @@ from truearc.sim.report import COLOURS, NO_ORIGIN, Origin, make_page, make_png, 
 from truearc.sim.statistics import BINS
 from truearc_proof.reproduce import EVERYTHING, REAL, SIMULATED, WHERE, Settings
 from truearc_proof.reproduce import models as figures
-from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
+from truearc_proof.reproduce.collect import Pool
 from truearc_proof.reproduce.models import OURS, Analysis, Interval, Repetition, interval, network_name
 from truearc_proof.table import Table
 
@@ -245,10 +245,7 @@ def what_varies(pool: Pool, settings: Settings) -> list[str]:
         "Repetitions draw from one pool and so overlap: an interval says how far another draw from these recordings "
         "may differ, not another robot or another week.",
         "The simulated configurations to be launched were drawn with the coefficients of the first repetition's "
-        "training split: "
-        + ", ".join(f"{key} = {value:.3f}" for part in pool.coefficients.values() for key, value in part.items())
-        + ". They were drawn from what the robot can see and do: "
-        + ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in LAUNCHABLE.items()) + ".",
+        "training split, from what the robot can see and do.",
         "Every model has the same training configurations and labels. Networks, as in the paper, are stopped by a "
         "fifth of them that is kept from training; our gate is fitted to all.",
     ]

@@ -3,7 +3,6 @@
 A rival's module is imported only when that rival is requested.
 """
 
-from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, cast
 
@@ -23,10 +22,3 @@ def find_rival(name: str) -> "Rival":
         raise InputError(f"there is no rival {name!r}; there are {', '.join(RIVALS)}")
     module, _, function = ANSWERS[name].partition(":")
     return cast("Rival", getattr(import_module(f"truearc_proof.rivals.{module}"), function))
-
-
-def check_rivals(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names, each once; InputError for one that cannot take part."""
-    for name in names:
-        find_rival(name)
-    return tuple(dict.fromkeys(names))

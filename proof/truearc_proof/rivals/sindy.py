@@ -100,7 +100,9 @@ def fit(rows: Rows, tuning: Tuning) -> Model:
     optimizer = _stlsq(tuning)
     with _quiet():
         optimizer.fit(candidates, target[:, None])
-    return _whole(rows, np.asarray(optimizer.coef_)[0])
+    found = np.asarray(optimizer.coef_)[0]
+    left = rows.target - rows.candidates @ found
+    return Model(np.linalg.lstsq(rows.believed, left, rcond=None)[0], found)
 
 
 def ensemble(rows: Rows, tuning: Tuning, seed: int, models: int = MODELS) -> Array:
@@ -144,11 +146,6 @@ def seeded(seed: int) -> Iterator[None]:
         yield
     finally:
         np.random.set_state(state)
-
-
-def _whole(rows: Rows, found: Array) -> Model:
-    left = rows.target - rows.candidates @ found
-    return Model(np.linalg.lstsq(rows.believed, left, rcond=None)[0], found)
 
 
 def _stlsq(tuning: Tuning) -> Any:
@@ -270,10 +267,6 @@ def integrate(library: Any, columns: Array) -> Array:
 
 def change(library: Any, columns: Array) -> Array:
     """Return [DOMAINS, k] integrals of the columns' derivatives, by parts."""
-    return np.asarray(library.convert_u_dot_integral(_axes(columns)))
-
-
-def _axes(columns: Array) -> Any:
     from pysindy.utils import AxesArray
 
-    return AxesArray(columns, {"ax_time": 0, "ax_coord": 1})
+    return np.asarray(library.convert_u_dot_integral(AxesArray(columns, {"ax_time": 0, "ax_coord": 1})))

@@ -118,7 +118,9 @@ def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = 
     unlike = [*grader.wrong_marks(room.grades, steps), *grader.missing_marks(room.grades, steps)]
     wrong += [*grader.left_out(room, steps), *grader.check_draw(room, steps), *unlike]
     seed = entropy() if seed is None else seed
-    chosen = _sample([name for name in steps if name != HOME], worlds, seed)
+    names = [name for name in steps if name != HOME]
+    places = np.random.default_rng(seed).choice(len(names), min(worlds, len(names)), replace=False)
+    chosen = tuple(names[place] for place in sorted(places))
     marked = {} if unlike else {one.world: one for one in grader.graded_of(room)}
     off = dict.fromkeys(TOLERANCE, 0.0)
     for number, name in enumerate([*([HOME] if HOME in steps else []), *chosen]):
@@ -147,12 +149,6 @@ def _check_papers(room: Room, name: str, done: dict[str, str]) -> list[str]:
 
 def _drawn(room: Room, name: str) -> Drawn:
     return drawn_of(load_seal(room.seal(name)).world, room.seal(name))
-
-
-def _sample(names: Sequence[str], count: int, seed: int) -> tuple[str, ...]:
-    """Draw `count` of them, in their order."""
-    places = np.random.default_rng(seed).choice(len(names), min(count, len(names)), replace=False)
-    return tuple(names[place] for place in sorted(places))
 
 
 def give_away(room: Room, names: Sequence[str], away: Path) -> Room:

@@ -52,15 +52,6 @@ def save_mark(room: Room, world: str, line: Any, done: Mapping[str, str]) -> Non
     append_line(room.grades, line)
 
 
-def load_marks(room: Room) -> list[dict[str, Any]]:
-    """Return all lines; InputError if one differs from the ledger or is missing."""
-    steps = room.steps()
-    wrong = [*wrong_marks(room.grades, steps), *missing_marks(room.grades, steps)]
-    if wrong:
-        raise InputError("\n".join(wrong))
-    return list(lines_of(room.grades))
-
-
 def wrong_marks(path: Path, steps: Steps) -> list[str]:
     """Return a sentence for each line that the ledger lacks or has differently."""
     wrong = []
@@ -192,13 +183,16 @@ def mark_world(root: Path, drawn: Drawn) -> Graded:
         if claims.believed is None or unseen is None:
             return Graded(drawn.name, told)
         before = measured.before or from_table(claims.believed.before, str(path))
-        beliefs = (before, from_table(claims.believed.after, str(path)), measured.oracle)
-        return Graded(drawn.name, structs.replace(told, off_m=tuple(
-            off_m(one, unseen) for one in beliefs if one is not None)))
+        beliefs = (before, from_table(claims.believed.after, str(path)))
+        return Graded(drawn.name, structs.replace(told, off_m=tuple(off_m(one, unseen) for one in beliefs)))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise InputError(f"{path}: finding: {type(error).__name__}: {error}") from error
 
 
 def graded_of(room: Room) -> tuple[Graded, ...]:
-    """Return all marks of a round, by world, in its order. InputError if they differ from the ledger."""
-    return tuple({line["world"]: msgspec.convert(line, Graded) for line in load_marks(room)}.values())
+    """Return all marks of a round, by world, in its order. InputError if one differs from the ledger or is missing."""
+    steps = room.steps()
+    wrong = [*wrong_marks(room.grades, steps), *missing_marks(room.grades, steps)]
+    if wrong:
+        raise InputError("\n".join(wrong))
+    return tuple({line["world"]: msgspec.convert(line, Graded) for line in lines_of(room.grades)}.values())

@@ -99,13 +99,12 @@ def _draw(covariance: Array, rng: np.random.Generator) -> Array:
 class Measured(NamedTuple):
     """allowed: chance that one hidden effect of the catalogue is found; alike: terms of its class in these data;
     best_sd: least standard error of its amplitude.
-    before, oracle: what is believed, fitted by the grader, without the true term and with it."""
+    before: what is believed, fitted by the grader without the true term."""
 
     allowed: tuple[float, ...] | None = None
     alike: tuple[str, ...] = ()
     best_sd: float | None = None
     before: Belief | None = None
-    oracle: Belief | None = None
 
 
 def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0) -> Measured:
@@ -119,7 +118,7 @@ def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0)
         return Measured()
     terms = dataset.facts.believe.terms
     fitted = fit_believed(Launcher.of(dataset, terms, BUILT_IN))
-    before = _believed(fitted.scores, terms)
+    before = point_belief(coefficients_of(fitted.scores, terms, BUILT_IN), among=BUILT_IN)
     return _of_one(drawn, dataset, fitted, seed)._replace(before=before) if single else Measured(before=before)
 
 
@@ -136,14 +135,7 @@ def _of_one(drawn: Drawn, dataset: Dataset, fitted: LauncherFit, seed: int) -> M
     index = np.array([fitted.scores.index(column)])
     information = float(efficient(fitted.scores, index)[1][0, 0])
     best_sd = information**-0.5 if information > 0.0 else None
-    told = fitted.with_terms((column,), np.array([amplitude]))
-    return Measured(ceiling[:1], ceiling[1], best_sd,
-                    oracle=_believed(told.scores, dataset.facts.believe.terms))
-
-
-def _believed(evidence: ScoreTable, terms: tuple[str, ...]) -> Belief:
-    """The point belief at the evidence's point, of these terms and those fitted with them."""
-    return point_belief(coefficients_of(evidence, terms, BUILT_IN), among=BUILT_IN)
+    return Measured(ceiling[:1], ceiling[1], best_sd)
 
 
 class Unseen(NamedTuple):
@@ -276,9 +268,9 @@ class Mark(Struct, frozen=True):
     named. error: amplitude of the right name, less the truth, over the best standard error that anybody could have
     (Cramer and Rao). allowed: the chance that the data allow to find it. goes_with:
     covariate and direction of what is in no catalogue. right: names of the catalogue that would be right. off_m: RMS
-    errors of heights in the sealed test, by what was believed, by what was adopted, and, where the grader knows it,
-    by what is believed with the true term. rivals: of others put to the same
-    data, whether each says something, and of its first name what `first` and `alias` are of ours, decoys taken out.
+    errors of heights in the sealed test, by what was believed and by what was adopted. rivals: of others put to the
+    same data, whether each says something, and of its first name what `first` and `alias` are of ours, decoys taken
+    out.
     said, unexplained: probabilities that were claimed of the first name, and of a change that no term explains.
     """
 

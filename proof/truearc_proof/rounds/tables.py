@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Sequence
 from itertools import product
 from operator import attrgetter
-from statistics import median
 from typing import Any, NamedTuple
 
 from truearc.sim.statistics import wilson
@@ -12,9 +11,6 @@ from truearc_proof.rounds.worlds import FOREIGN, MUJOCO, NUMPY, OWN
 from truearc_proof.table import Table
 from truearc_proof.truth.world import LEVELS
 
-VERDICTS = ("none", "named", "set", "unknown")
-GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases": ("alias",), "two": ("two",),
-          "in no catalogue": ("off",)}
 KINDS = {"one": "one effect", "two": "two effects", "alias": "aliases", "decoy": "with a decoy",
          "off": "in no catalogue"}
 CHANGED = {**KINDS, "one": "one thing changed", "two": "two things"}     # of MuJoCo's robot
@@ -27,12 +23,9 @@ RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("cov
 def make_tables(marks: Sequence[Mark]) -> list[Table]:
     """Return the tables of a round that have rows.
 
-    False alarms, correct answers, the abstention matrix, the targets of the posterior, and rivals. Foreign worlds come
-    first.
+    False alarms, correct answers, the targets of the posterior, and rivals. Foreign worlds come first.
     """
     tables = [_alarms(marks), _right(marks),
-              Table("What was true against what was said", ("true, said", *VERDICTS),
-                    [[title, *map(str, counts)] for title, counts in matrix_of(marks).items()]),
               Table("Against the targets of the posterior", ("figure", "here", "wanted", ""),
                     posterior_rows(marks) if len({one.level for one in marks}) == 1 else []),
               _rivals(marks)]
@@ -70,12 +63,6 @@ def said(yes: int, of: int) -> str:
     return f"{yes}/{of} = {yes / of:.2f} ({low:.2f}-{high:.2f})" if of else "-"
 
 
-def matrix_of(marks: Sequence[Mark]) -> dict[str, list[int]]:
-    """Return {what was true: worlds by verdict}, for the kinds that occur."""
-    return {title: [sum(one.verdict == word for one in marks if one.kind in kinds) for word in VERDICTS]
-            for title, kinds in GROUPS.items() if any(one.kind in kinds for one in marks)}
-
-
 def _alarms(marks: Sequence[Mark]) -> Table:
     titles = {"foreign, unchanged": [(FOREIGN, "clean")], "clean": [(NUMPY, "clean")], "dirty": [(NUMPY, "dirty")],
               "MuJoCo, unchanged": [(MUJOCO, "clean")], "MuJoCo, unchanged, dirty": [(MUJOCO, "dirty")],
@@ -102,11 +89,10 @@ def _right(marks: Sequence[Mark]) -> Table:
                          f"{sum(sizes) / len(sizes):.1f}" if sizes else "-",
                          said(*share(mine, lambda one: one.holds)),
                          f"{(sum(error**2 for error in errors) / len(errors))**0.5:.2f}" if errors else "-",
-                         kept_in_test(mine), said(*share(mine, worse_in_test))])
+                         said(*share(mine, worse_in_test))])
     return Table("Worlds in which something is hidden; from `stage` on, of those found", (
         "hidden", "found", "stage", "first name right", "up to alias", "in the set", "set size", "interval holds",
-        "error / least possible, RMS", "gain kept in the sealed test",
-        "worse there than before"), rows)
+        "error / least possible, RMS", "worse in the sealed test than before"), rows)
 
 
 def _rivals(marks: Sequence[Mark]) -> Table:
@@ -249,18 +235,6 @@ def _reached(figure: ProofFigure, wanted: tuple[float, float] | None) -> str:
     if wanted[0] <= figure.value <= wanted[1]:
         return "reached"
     return "NOT REACHED" if figure.high < wanted[0] or figure.low > wanted[1] else "NOT REACHED, may be chance"
-
-
-def kept_in_test(marks: Sequence[Mark]) -> str:
-    """Return the share that adoption reached of the true term's reduction of the squared error of sealed heights.
-
-    The median over the worlds in which that reduction is not NEGLIGIBLE: a sum would be decided by the few in which
-    balls were forecast to fall short.
-    """
-    known = [one.off_m for one in marks if one.off_m is not None and len(one.off_m) == 3]
-    shares = [(before**2 - after**2) / (before**2 - true**2) for before, after, true in known
-              if true < before * (1.0 - NEGLIGIBLE)]
-    return f"{median(shares):.2f} (median of {len(shares)})" if shares else "-"
 
 
 def worse_in_test(one: Mark) -> bool | None:

@@ -30,7 +30,7 @@ def pool():
 def done(pool):
     repetitions = fan_out(models.run_repetition, models.tasks_of(pool, SMALL), workers=1)
     answers = models.train_networks(repetitions, SMALL, lambda done, note: None)
-    return repetitions, answers, models.analyse(repetitions, answers, SMALL)
+    return repetitions, answers, models.analyse(repetitions, answers)
 
 
 def test_everybody_answers_for_the_draws_own_rows(pool, done):

@@ -10,7 +10,7 @@ from tests.proof.law import acceleration
 from tests.proof.rivals.test_pysindy import sizes
 from truearc.errors import InputError
 from truearc.sim.discover.detect.covariates import Covariate
-from truearc_proof.rivals import check_rivals, claim, residual
+from truearc_proof.rivals import claim, find_rival, residual
 from truearc_proof.rivals.claim import COLUMNS, Moments, accelerations, middle_of
 from truearc_proof.truth.world import make_world
 
@@ -18,8 +18,8 @@ from truearc_proof.truth.world import make_world
 
 def test_who_cannot_enter_is_told_why() -> None:
     with pytest.raises(InputError, match="no rival 'nobody'"):
-        check_rivals(["argmax", "nobody"])
-    assert check_rivals(["argmax", "argmax"]) == ("argmax",)
+        find_rival("nobody")
+    assert find_rival("argmax") is claim.answer_argmax
 
 
 # --- library
