@@ -17,10 +17,10 @@ from benchmarks.worlds import KINDS, Job, Line, fill_and_tell, mark_job, plan_jo
 from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover
-from truearc_proof.rounds.marks import NULLS, strength_of
+from truearc_proof.rounds.marks import NULLS
 from truearc_proof.rounds.tables import said, share
 from truearc_proof.table import make_markdown
-from truearc_proof.truth.generate import shift_m, shoot
+from truearc_proof.truth.generate import shoot
 
 SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
 FALSE_ALARM = 0.05
@@ -29,16 +29,13 @@ FALSE_ALARM = 0.05
 def run(job: Job) -> Line:
     """What discovery says of one world; a world that breaks it is a result, and leaves its traceback."""
     keep_compiled()
-    world = world_of(job)
-    dataset = shoot(world)
+    dataset = shoot(world_of(job))
     finding, error, began = None, None, time.perf_counter()
     try:
         found = discover(dataset, None, FALSE_ALARM, seed=job.index)
         took = time.perf_counter() - began
         finding = msgspec.json.decode(make_json(found.finding))
         finding["mismatch"]["tests"] = {}
-        if job.kind == "off" and found.fitted is not None:
-            finding["strength"] = strength_of(found.fitted.scores, shift_m(world))
     except Exception:
         finding, error, took = None, traceback.format_exc(), time.perf_counter() - began
     return {"job": job, "seconds": took, "finding": finding, "error": error}

@@ -38,8 +38,8 @@ def run_row(row: Row, bus: str, folder: Path) -> Result:
     for tries in range(1, TRIES + 1):
         place = folder / f"{ROWS.index(row)}-{bus}-{tries}"
         shutil.rmtree(place, ignore_errors=True)  # of a run that was cut short
-        said = play(row, bus, place, stepped)
-        result = judge(row, bus, stepped, place, said)
+        play(row, bus, place, stepped)
+        result = judge(row, bus, stepped, place)
         result.tries = tries
         if not result.wrong:
             shutil.rmtree(place)

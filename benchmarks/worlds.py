@@ -83,10 +83,10 @@ def world_of(job: Job) -> World:
 
 
 def mark_job(job: Job, finding: dict[str, Any]) -> Mark:
-    """Marks of one finding, by the proof's own rules; `strength` of what is in no catalogue is in it."""
+    """Marks of one finding, by the proof's own rules."""
     kind, world = "clean" if job.name == "clean" else KINDS[job.kind], world_of(job)
     drawn = Drawn(job.key, NUMPY, kind, job.level, job.shots, job.seed, dict(world.effects), tuple(world.dirt))
-    return mark(drawn, finding, Measured(strength=finding.get("strength")))
+    return mark(drawn, finding, Measured())
 
 
 def read_args(text: str | None, **options: Any) -> argparse.Namespace:

@@ -26,8 +26,6 @@ LONG = (
     "tests/house/test_benchmarks.py", "tests/loops/test_devices.py::test_a_device_that_fails_is_a_hold_that_says_why",
     "tests/proof/importers/test_import_ball_drops.py::test_drag_with_the_square_of_the_speed_is_named",
     "tests/proof/reproduce", "tests/proof/rivals/test_pysindy.py",
-    "tests/proof/test_parallel.py::test_a_job_that_always_kills",
-    "tests/proof/test_parallel.py::test_a_process_that_dies",
     "tests/robot/test_vision_tag.py::test_no_wrong_tag_among_distractors",
     "tests/robot/test_vision_spoilt.py::test_errors_are_as_large_as_sigma_says_when_it_is_told_of_turning",
     "tests/sim/data/test_import_logs.py::test_a_session_that_was_exported_is_read_with_its_poses_and_its_shots",

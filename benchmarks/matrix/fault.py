@@ -13,7 +13,6 @@ REARM = "arm again"                   # fires again when the driver has armed ag
 DISARMS = "disarmed: arm"             # what happened has disarmed it; fires again when the driver has armed
 EITHER = "by itself, or arm again"    # how it is told from what latches depends on what garbage happens to say
 KEEPS = "keeps firing"                # there is nothing to recover from
-REFUSED = "does not start"            # truearc run ends with exit code 2
 
 
 # --- what can be broken; `begin` and `end` come from the run's span
@@ -46,10 +45,6 @@ class Model(What, frozen=True):
 
 class Time(What, frozen=True):
     """A process stands still, or the wall clock jumps."""
-
-
-class Start(What, frozen=True):
-    """The robot is started with this: it is to refuse."""
 
 
 class Key(What, frozen=True):
@@ -111,7 +106,7 @@ class Motion(Struct, frozen=True):
     has_encoder: bool = True          # a hood encoder; without one its motor's count is all that is known
 
 
-Breaking = Device | Both | Inside | Wire | Box | Camera | Disk | Model | Time | Process | Start | Key | Motion
+Breaking = Device | Both | Inside | Wire | Box | Camera | Disk | Model | Time | Process | Key | Motion
 
 
 # --- what a verdict of the run must hold
@@ -156,9 +151,8 @@ def _fits(wanted: Any, value: Any) -> bool:
 
 class Row(Struct, frozen=True):
     """One fault. `reason`: what a verdict says, one of these; of a fault that does not hold, what is seen of it, if
-    anything (none asks for nothing). `refusal`: of one with which it does not start, a pattern of what it says.
-    `within_s`: of its begin. `real`: needs real time on the virtual bus, too. `first`:
-    it stands from before the robot starts. `launcher`: of benchmarks.matrix.run.with_launcher."""
+    anything (none asks for nothing). `within_s`: of its begin. `real`: needs real time on the virtual bus, too.
+    `first`: it stands from before the robot starts. `launcher`: of benchmarks.matrix.run.with_launcher."""
 
     name: str
     family: str
@@ -171,4 +165,3 @@ class Row(Struct, frozen=True):
     buses: tuple[str, ...] = ("virtual", "slcan", "socketcan")
     first: bool = False
     launcher: str = "odrive"
-    refusal: str = ""

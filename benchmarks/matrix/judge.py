@@ -3,7 +3,6 @@
 How old readings were when the robot fired is computed again, from the raw frames of can0.log.
 """
 
-import re
 from bisect import bisect_right
 from pathlib import Path
 
@@ -11,8 +10,8 @@ import msgspec
 from msgspec import Struct
 
 from benchmarks.matrix.devices import Seen
-from benchmarks.matrix.fault import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Key, Motion, Row
-from benchmarks.matrix.keys import first_hold, judge_keys, replays
+from benchmarks.matrix.fault import DISARMS, ITSELF, KEEPS, REARM, Key, Motion, Row, find
+from benchmarks.matrix.keys import judge_keys, replays
 from benchmarks.matrix.motion import judge_motion
 from benchmarks.matrix.play import AIM, ends_robot, make_config
 from benchmarks.matrix.robot_side import AnswersAgain, RobotSide
@@ -38,7 +37,7 @@ class Result(Struct):
     fault: str
     family: str
     bus: str
-    outcome: str = ""                 # "HOLD", "fires on", "not started", "motors idle"
+    outcome: str = ""                 # "HOLD", "fires on", "motors idle"
     hold_s: float | None = None       # from the fault to the first HOLD with the row's reason
     bound_s: float = 0.0
     reason: str = ""                  # the text of that reason
@@ -50,16 +49,11 @@ class Result(Struct):
     tries: int = 1
 
 
-def judge(row: Row, bus: str, stepped: bool, folder: Path, said: str) -> Result:
+def judge(row: Row, bus: str, stepped: bool, folder: Path) -> Result:
     """The result of the run in `folder`."""
     result = Result(row.name, row.family, bus, bound_s=row.within_s + (0.0 if stepped else GRACE_S), after=row.after)
     if isinstance(row.breaking, Key):
         judge_keys(row, row.breaking, folder, result)
-        return result
-    if row.after == REFUSED:
-        result.outcome, result.reason = "not started", said.partition("truearc run: ")[2] or said
-        if not said.startswith("exit 2") or not re.search(row.refusal, said):
-            result.wrong.append(said)
         return result
     span = Span(folder / "span")
     try:

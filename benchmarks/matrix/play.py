@@ -1,7 +1,5 @@
 """One fault played on one bus: in stepped time in this process, or in real time in processes of their own."""
 
-import contextlib
-import io
 import multiprocessing
 import os
 import signal
@@ -17,13 +15,12 @@ from msgspec.structs import replace
 
 from benchmarks.matrix.broken import BrokenBox, FarWire
 from benchmarks.matrix.devices import FarSide
-from benchmarks.matrix.fault import DISARMS, REARM, Breaking, Disk, Key, Model, Motion, Process, Row, Start, Time
+from benchmarks.matrix.fault import DISARMS, REARM, Breaking, Disk, Key, Model, Motion, Process, Row, Time
 from benchmarks.matrix.keys import play_keys
 from benchmarks.matrix.motion import MotionSide, make_motion_config
-from benchmarks.matrix.robot_side import mount_small_disk, run_robot, unmount, write_model
+from benchmarks.matrix.robot_side import mount_small_disk, run_robot, unmount
 from benchmarks.matrix.run import Span, hurry, in_a_hurry, with_launcher
 from truearc.cli.common import SHIPPED
-from truearc.cli.main import main as truearc
 from truearc.hw.emulated.nodes import StepClock
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import Config, Prescribed, load_config
@@ -72,8 +69,8 @@ def make_config(row: Row) -> Config:
     return with_launcher(config, row.launcher)
 
 
-def play(row: Row, bus: str, folder: Path, stepped: bool) -> str:
-    """Leave in `folder` what the judge wants; returns what a robot that did not start has said.
+def play(row: Row, bus: str, folder: Path, stepped: bool) -> None:
+    """Leave in `folder` what the judge wants.
 
     stepped: in stepped time, at which a host of any speed keeps up; on a virtual bus or SocketCAN's."""
     folder.mkdir(parents=True)
@@ -81,10 +78,7 @@ def play(row: Row, bus: str, folder: Path, stepped: bool) -> str:
     place = Place(row, (bus, channel), folder, stepped)
     if isinstance(row.breaking, Key):
         play_keys(row, row.breaking, folder)
-        return ""
-    if isinstance(row.breaking, Start):
-        return _start(place, row.breaking.what)
-    if stepped:
+    elif stepped:
         _play_stepped(place)
     else:
         small = row.breaking == Disk("full") and mount_small_disk(folder)
@@ -92,8 +86,7 @@ def play(row: Row, bus: str, folder: Path, stepped: bool) -> str:
             _play_real(place)
         finally:
             if small:
-                unmount(folder)
-    return ""
+                _unmount(folder)
 
 
 # --- in stepped time
@@ -251,21 +244,10 @@ def _wait_for(process: BaseProcess) -> None:
         process.join()
 
 
-# --- a robot that is not to start
-
-def _start(place: Place, what: str) -> str:
-    config, model, out = place.folder / "launcher.toml", place.folder / "gate.onnx", place.folder / "sessions"
-    policy = "collect" if what == "no folder" else "model"
-    config.write_text(SHIPPED.read_text(encoding="utf-8").replace('policy = "collect"', f'policy = "{policy}"'),
-                      encoding="utf-8")
-    words = ["run", "--config", str(config), "--can", ":".join(place.bus), "--out", str(out)]
-    if policy == "model" and what != "policy model, no file":
-        if what != "no model":
-            write_model(model, what)
-        words += ["--gate", str(model)]
-    if what == "no folder":
-        out.write_text("a file, where no folder can be made")
-    said = io.StringIO()
-    with contextlib.redirect_stderr(said):
-        code = truearc(words)
-    return f"exit {code}: {said.getvalue().strip()}"
+def _unmount(folder: Path) -> None:
+    """Files on the small disk stay."""
+    kept = folder.with_name(folder.name + "-kept")
+    shutil.copytree(folder, kept, symlinks=True)
+    unmount(folder)
+    shutil.copytree(kept, folder, symlinks=True, dirs_exist_ok=True)
+    shutil.rmtree(kept)

@@ -19,8 +19,6 @@ from typing import Any
 import can
 import cv2
 import msgspec
-import numpy as np
-from onnx import helper
 
 from benchmarks.matrix.camera import Scenery, SteppedCamera, open_camera
 from benchmarks.matrix.fault import Breaking, Camera, Disk, Model, Motion, Process, Time, Wire
@@ -34,10 +32,9 @@ from truearc.hw.real.can_bus import ROOM, WAIT_S, CanBus, SupervisedBus, open_ca
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.processes import Capacity, Child, Line, Slots, make_shared
 from truearc.hw.real.wires import MendedCamera, MendedStream, open_serial
-from truearc.model_export.graph import Part, make_model
 from truearc.robot.config.schema import Config
 from truearc.robot.eyes import Eyes, FarEyes, InlineEyes, make_room, watch
-from truearc.robot.gate import INPUT, NOVELTY, OUTPUT, Gate, Rating
+from truearc.robot.gate import Gate, Rating
 from truearc.robot.motors import guard
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
@@ -317,7 +314,6 @@ def _lose(folder: Path, begins: bool) -> None:
     (here if begins else there).rename(there if begins else here)
 
 
-BOX = {"distance_m": [2.0, 8.0], "motor_ratio": [0.1, 0.9], "hood_deg": [15.0, 60.0]}
 SLOW_NS = 300_000_000
 GOOD = Rating(0.9, 0.8, True, 0.2)
 RATINGS = {"no number": Rating(None, None, False), "not a number": Rating(0.9, float("nan"), True, 0.2), "outside":
@@ -356,24 +352,3 @@ class AnswersAgain(Gate):
         if answer is None:
             raise RuntimeError("the model had broken")
         return answer
-
-
-def write_model(path: Path, what: str) -> None:
-    """A model file with this wrong with it: "corrupted", "truncated", "foreign", "no number" (in its domain)."""
-    data = _make("Log" if what == "no number" else "Sigmoid")
-    if what == "corrupted":
-        middle = len(data) // 2
-        data = data[:middle] + bytes([data[middle] ^ 0xFF]) + data[middle + 1:]
-    elif what == "truncated":
-        data = data[:len(data) // 2]
-    elif what == "foreign":
-        data = data.replace(b'"hood_deg"', b'"hood_rad"')
-    path.write_bytes(data)
-
-
-def _make(last: str) -> bytes:
-    nodes = [helper.make_node("Gemm", [INPUT, "w", "b"], ["z"]), helper.make_node(last, ["z"], [OUTPUT]),
-             helper.make_node("Gemm", [INPUT, "n", "m"], ["far"]), helper.make_node("Abs", ["far"], [NOVELTY])]
-    weights = {"w": np.array([[0.1, 0.1], [-9.0, -9.0], [0.0, 0.0]]), "b": np.zeros(2), "n": np.zeros((3, 1)),
-               "m": np.array([0.2])}
-    return make_model([Part(nodes, weights)], BOX, {"k": 3}, {"seed": 3})

@@ -192,8 +192,6 @@ def _near() -> list[Row]:
               ("disk turns read-only", "turns read-only", (bot.DISK_ERROR,), 0.4, ITSELF, 1.0),
               ("disk hangs for 4 s", "hangs", (bot.DISK_UNRESPONSIVE,), 3.0, ITSELF, 4.0),
               ("folder of the images gone", "loses a folder", (bot.DISK_ERROR,), 0.5, KEEPS, 1.5))),
-        Row("sessions folder cannot be made", "disk", fault.Start("no folder"), (), 0.0, fault.REFUSED,
-            refusal="File exists|Not a directory"),
         *(Row(f"model: {words}", "model", fault.Model(what), reason, 0.05, after)
           for words, what, reason, after in (
               ("raises", "raises", says(bot.MODEL_FAILED, error="RuntimeError"), ITSELF),
@@ -203,10 +201,6 @@ def _near() -> list[Row]:
               ("says this is novel", "novel", says(bot.MODEL_OUTSIDE_DOMAIN, novelty=3.0), ITSELF),
               ("gives a low probability", "doubts", says(bot.MODEL_BELOW_THRESHOLD), ITSELF))),
         Row("model: takes 0.3 s a tick", "model", fault.Model("slow"), says(bot.TICKS_STALLED), 0.8, REARM, 1.5),
-        *(Row(f"model file: {what}", "model", fault.Start(what), (), 0.0, fault.REFUSED, refusal=no) for what, no in (
-            ("corrupted", "damaged or altered|not a usable ONNX"), ("truncated", "not a usable ONNX"),
-            ("foreign", "contract|damaged"), ("no number", "gives no probability"),
-            ("no model", "no such file"), ("policy model, no file", "gate.policy is 'model', so --gate is needed"))),
         Row("devices' process stopped for 0.6 s (SIGSTOP)", "process", fault.Process("devices", "stop"), SILENT,
             STALE_S),                 # their watchdogs stand still with it
         Row("devices' process killed, started again", "process", fault.Process("devices", "kill"),

@@ -1,7 +1,6 @@
 """Parallel jobs in processes on this machine, with their results kept as the lines of a file.
 
-A job must be a pure function of its argument, because it is run again if its process dies. The lines are JSON and are
-appended whole, so that an interrupted run continues where it stopped.
+The lines are JSON and are appended whole, so that an interrupted run continues where it stopped.
 """
 
 import lzma
@@ -9,7 +8,7 @@ import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
@@ -24,8 +23,6 @@ Job = TypeVar("Job")
 Result = TypeVar("Result")
 Keep = Callable[[Any, Any], None]     # of a job and its result
 
-ATTEMPTS = 3                          # a process may die this often at one place before the job itself is blamed
-
 
 def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job],
             progress: Progress = lambda done, note: None, workers: int | None = None,
@@ -36,9 +33,8 @@ def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job],
     script that calls this needs its `if __name__ == "__main__"`.
 
     keep: called here once for each job and its result, as soon as it and those before it are done, so that an
-    interrupted run has kept those. workers: processes (default: one per core; 1 = this one). A worker that dies loses
-    nothing: its jobs are run again. A job's exception is raised here. InputError if one job kills every process that
-    runs it.
+    interrupted run has kept those. workers: processes (default: one per core; 1 = this one). A job's exception is
+    raised here. InputError if a process dies.
     """
     jobs = list(jobs)
     if jobs:
@@ -57,33 +53,17 @@ def _kept(job: Job, result: Result, keep: Keep, number: int, total: int, progres
 
 def _on_processes(function: Callable[[Job], Result], jobs: list[Job], workers: int, progress: Progress,
                   keep: Keep) -> list[Result]:
-    done: dict[int, Result] = {}      # by place among the jobs; what a worker was at when it died is missing
-    kept = deaths = 0
-    while kept < len(jobs):
-        first, futures = kept, dict[int, Future[Result]]()
-        pool = ProcessPoolExecutor(min(workers, len(jobs) - kept), multiprocessing.get_context("spawn"))
-        try:
-            for place in range(kept, len(jobs)):
-                if place not in done:
-                    futures[place] = pool.submit(function, jobs[place])
-            while kept < len(jobs):
-                if kept not in done:
-                    done[kept] = futures[kept].result()
-                _kept(jobs[kept], done[kept], keep, kept + 1, len(jobs), progress)
-                kept += 1
-        except BrokenProcessPool as error:
-            deaths = deaths + 1 if kept == first else 1
-            if deaths >= ATTEMPTS:
-                raise InputError(f"job {kept + 1} of {len(jobs)}, or one beside it, has killed {ATTEMPTS} processes "
-                               "(out of memory?)") from error
-            done |= {place: future.result() for place, future in futures.items() if _has_result(future)}
-        finally:
-            pool.shutdown(cancel_futures=True)
-    return [done[place] for place in range(len(jobs))]
-
-
-def _has_result(future: Future[Any]) -> bool:
-    return future.done() and not future.cancelled() and future.exception() is None
+    done: list[Result] = []
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
+    try:
+        for job, result in zip(jobs, pool.map(function, jobs), strict=True):
+            done.append(_kept(job, result, keep, len(done) + 1, len(jobs), progress))
+    except BrokenProcessPool as error:
+        raise InputError(f"job {len(done) + 1} of {len(jobs)}, or one beside it, has killed its process (out of "
+                         "memory?)") from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return done
 
 
 # --- lines of a file

@@ -20,7 +20,7 @@ KINDS = {".csv": (".csv", ".parquet")} # of a name in `ways`: what a file may en
 @dataclass(frozen=True)
 class Importer:
     name: str
-    ways: tuple[str, ...]             # files in order; `...`: the one before it, any number of times; `/`: a folder
+    ways: tuple[str, ...]             # files in order; `...`: the one before it, any number of times
     load: "Callable[..., Dataset] | None"             # None: of any team's files, under a map of their keys
     # one of any team's logs, given what is called with the share of it that is read; None: they are CSV
     read: "Callable[[Path, Callable[[float], None]], Log] | None" = None
@@ -37,8 +37,6 @@ def _fits(names: list[str], files: Sequence[str]) -> bool:
 
 
 def _is_kind(name: str, file: str) -> bool:
-    if name.endswith("/"):
-        return Path(file).is_dir()
     suffix = Path(name).suffix
     return Path(file).suffix.lower() in KINDS.get(suffix, (suffix,))
 

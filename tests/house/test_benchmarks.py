@@ -20,12 +20,10 @@ GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
 QUICK = {
     "aim": "--rigs 1",
     "demo_seeds": "--seeds 1 --first 7 --quick --processes 1 --out worlds.jsonl",
-    "compare": "DATA/real --steps 40 --left 1",
     "discovery": "--what nulls --level L0 --shots 60 --worlds 1 --only clean --seed 11 --processes 1 "
                  "--out worlds.jsonl",
     "discovery_speed": "--shots 60 --level L0",
     "fault_matrix": "--bus virtual --only strangers|disk.turns --out faults.jsonl",
-    "faults": "--worlds 1 --shots 24 --seed 11 --only none --processes 1 --out worlds.jsonl",
     "follow": "--practices 1 --sessions 2 --seasons 0 --seed 11 --processes 1 --out practices.jsonl",
     "fuzz": "--minutes 0.05 --seed 1",
     "gate": "--calls 20 --rounds 1 --shots 40",

@@ -73,7 +73,8 @@ REAL = ("motion, wheels: both encoders read 0, since rest",
         "motion, hood: its encoder is frozen while it rises", "motion, SPARK wheels: both encoders read 0, since rest")
 def run(row: Row, bus: str, folder: Path) -> Result:
     stepped = bus == "virtual"
-    return judge(row, bus, stepped, folder / "run", play(row, bus, folder / "run", stepped))
+    play(row, bus, folder / "run", stepped)
+    return judge(row, bus, stepped, folder / "run")
 
 
 @posix

@@ -12,7 +12,7 @@ from unittest.mock import patch
 import msgspec
 
 from truearc.cli.main import main
-from truearc_proof.rounds import Entry, Room, append, canonical, digest, read_ledger, solver
+from truearc_proof.rounds import Entry, Room, append, read_ledger, solver
 
 ARGUMENTS = ["--worlds", "3", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3", "--processes", "1"]
 
@@ -61,10 +61,3 @@ def make_mark_kinder(room: Room, number: int) -> dict[str, Any]:
     lines[number]["first"]["verdict"] = "named, of course"
     room.grades.write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in lines))
     return dict(lines[number])
-
-
-def ask(room: Room, world: str, asked: list[dict[str, Any]]) -> None:
-    """As if the solver had asked for this, and had said so in time."""
-    claims = msgspec.json.decode(room.claims(world).read_bytes())
-    room.claims(world).write_bytes(canonical({**claims, "asked": asked}) + b"\n")
-    enter_otherwise(room, world, {"claimed": digest(room.claims(world).read_bytes())})

@@ -29,12 +29,13 @@ from truearc_proof.rounds import (
     canonical,
     check_data,
     digest,
+    load_claims,
     load_seal,
     make_seal,
     save_seal,
 )
-from truearc_proof.rounds.archive import check_round, compare_claims, compare_gradings, pack, unpack
-from truearc_proof.rounds.committer import asked_of, seal_own
+from truearc_proof.rounds.archive import check_round, compare_gradings, pack, unpack
+from truearc_proof.rounds.committer import seal_own
 from truearc_proof.rounds.grader import Graded, grade_round, graded_of
 from truearc_proof.rounds.marks import Mark
 from truearc_proof.rounds.solver import solver_id
@@ -163,19 +164,23 @@ def test_a_claim_after_the_seal_was_opened_counts_for_nothing(tmp_path, steps):
         rounds.committed(rounds.read_ledger(tmp_path / "ledger.jsonl"), "w1")
 
 
-@pytest.mark.parametrize(("change", "said"), [
-    ({"asked": [{"measure": "the truth"}]}, "asked: measure: there is no 'the truth'"),
-    ({"schema": "truearc.claims/3"}, r"w1\.json: schema: .*truearc\.claims/3")])
-def test_claims_that_cannot_be_read_are_refused(tmp_path: Path, change: dict[str, object], said: str) -> None:
-    room = Room(tmp_path)
-    room.claims("w1").parent.mkdir()
+def test_claims_of_another_schema_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "w1.json"
     claims = {"schema": SCHEMA, "data": {}, "finding": {"mismatch": {"found": True}, "verdict": "set"},
-              "asked": [{"measure": "inclinometer"}]}
-    room.claims("w1").write_bytes(canonical(claims))
-    assert asked_of(room, "w1") == "inclinometer"
-    room.claims("w1").write_bytes(canonical({**claims, **change}))
-    with pytest.raises(InputError, match=said):
-        asked_of(room, "w1")
+              "asked": [{"measure": "inclinometer"}]}             # a key of older claims
+    path.write_bytes(canonical(claims))
+    assert load_claims(path).finding["verdict"] == "set"
+    path.write_bytes(canonical({**claims, "schema": "truearc.claims/3"}))
+    with pytest.raises(InputError, match=r"w1\.json: schema: .*truearc\.claims/3"):
+        load_claims(path)
+
+
+def test_steps_of_older_rounds_are_read(tmp_path: Path) -> None:
+    """In which solvers had asked for further shots."""
+    path, older = tmp_path / "ledger.jsonl", ("sealed", "claimed", "asked", "answered", "claimed again", "opened")
+    for step in older:
+        append(path, step, "w1", "0" * 64)
+    assert tuple(rounds.committed(rounds.read_ledger(path), "w1")) == older
 
 
 def test_a_second_writer_is_told_so_and_the_lock_goes_with_its_holder(tmp_path: Path) -> None:
@@ -260,8 +265,8 @@ def test_the_line_by_which_anybody_checks_a_seal_gives_the_number_that_was_told(
 
 # --- a round in one file: whoever unpacks it makes the same worlds again, and finds whatever was changed or left out
 
-MARK = Mark("w1", "numpy", "one", "L1", 300, ("wind_x",), 20.0, True, 0.01, "named", ("wind_x",), 1, True, True, True,
-            True, None, True, 0.5, (0.9, 0.8, 0.85, 0.9), None, ("wind_x",))
+MARK = Mark("w1", "numpy", "one", "L1", 300, ("wind_x",), True, 0.01, "named", ("wind_x",), 1, True, True, True,
+            True, None, True, 0.5, (0.9,), None, ("wind_x",))
 WAS = Graded("w1", MARK)
 
 
@@ -285,7 +290,7 @@ def test_the_same_data_are_made_again_from_the_seals_alone(packed: Path, tmp_pat
     assert main(words) == 0
     said = capsys.readouterr().out
     assert "3 worlds were sealed, 3 marked" in said and "3 worlds made again" in said
-    assert "at most 0 (strength), 0 (error), 0 (off_m), 0 (allowed)." in said
+    assert "at most 0 (error), 0 (off_m), 0 (allowed)." in said
     assert main(words) == 2 and "is there already" in capsys.readouterr().err
 
 
@@ -346,7 +351,7 @@ def test_which_worlds_are_made_again_nobody_knows_beforehand(unpacked: Room) -> 
 
     def remade(worlds: int, seed: int | None = None) -> tuple[str, ...]:
         return check_round(
-            unpacked, worlds, quiet, seed, lambda *some: [], lambda root, job: marks[job[0].name]).remade
+            unpacked, worlds, quiet, seed, lambda *some: [], lambda root, drawn: marks[drawn.name]).remade
 
     assert {remade(1) for _ in range(60)} == {("w0001",), ("w0002",), ("w0003",)}
     assert remade(1, 7) == remade(1, 7)
@@ -372,7 +377,7 @@ def check(room: Room, *more: str) -> tuple[int, str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("solver", "told"), [
-    (solver_id(), "w0001.json: claims p_value 0.0123; solved again, it is "),
+    (solver_id(), "w0001.json: solved again, its p_value is "),
     ("f" * 64, f"this one is {solver_id()[:16]}: check that commit out")], ids=["this solver", "another"])
 def test_forged_claims_pass_every_hash_and_are_named_when_solved_again(room: Room, solver: str, told: str) -> None:
     forge(room, "w0001", solver)
@@ -380,55 +385,21 @@ def test_forged_claims_pass_every_hash_and_are_named_when_solved_again(room: Roo
     assert code == 2 and told in said, said
 
 
-CLAIMS: dict[str, Any] = {"finding": {
-    "verdict": "set", "mismatch": {"found": True, "p_value": 0.01}, "set": ["drag", "wind_x"], "unknown": None,
-    "what": [{"term": "drag", "probability": 0.6, "parameters": {"cd": {"value": 0.5}}},
-             {"term": "wind_x", "probability": 0.4, "parameters": {}}], "also": [{"set": ["hood_offset"]}],
-    "where": {"stage": None, "stage_probability": {"flight": 0.7, "launch": 0.3}, "covariate": "t_s",
-              "direction": "along", "inseparable": ["shot"]}, "fit": {"gain_per_shot": 0.1}},
-    "believed": {"before": {"cd": 0.4}, "after": {"cd": 0.5}}}
-WHERE: dict[str, Any] = CLAIMS["finding"]["where"]
-
-
-@pytest.mark.parametrize("forged", [
-    {"verdict": "named"}, {"mismatch": {"found": False, "p_value": 0.01}},
-    {"mismatch": {"found": True, "p_value": 0.02}}, {"set": ["drag"]}, {"what": CLAIMS["finding"]["what"][:1]},
-    {"also": []}, {"fit": {"gain_per_shot": 0.2}}, {"unknown": {"covariate": "t_s", "direction": "along"}},
-    *({"where": WHERE | one} for one in ({"stage": "launch"}, {"stage_probability": {"flight": 0.3, "launch": 0.7}},
-                                         {"covariate": "ball_id"}, {"direction": "vertical"}, {"inseparable": []}))],
-    ids=str)
-def test_whatever_marks_are_made_of_cannot_be_forged_unseen(tmp_path: Path, forged: dict[str, Any]) -> None:
-    rooms = [Room(tmp_path / name) for name in ("was", "now", "same")]
-    for room, change in zip(rooms, (forged, {}, {}), strict=True):
-        room.claims("w0001").parent.mkdir(parents=True)
-        room.claims("w0001").write_bytes(canonical({**CLAIMS, "finding": {**CLAIMS["finding"], **change}}))
-    assert compare_claims(rooms[0], rooms[1], "w0001") and not compare_claims(rooms[1], rooms[2], "w0001")
-
-
 def otherwise(**how: Any) -> Graded:
     return Graded("w1", structs.replace(MARK, **how))
 
 
 def test_last_digits_and_the_luck_of_the_draw_are_told_and_are_no_change() -> None:
-    other, off = compare_gradings(WAS, otherwise(error=float(np.nextafter(0.5, 1.0)), strength=20.0 + 1e-9,
-                                      allowed=(0.87, 0.8, 0.85, 0.9)))
+    other, off = compare_gradings(WAS, otherwise(error=float(np.nextafter(0.5, 1.0)), allowed=(0.87,)))
     assert other == ()
     assert off["allowed"] == pytest.approx(0.03) and 0.0 < off["error"] < 1e-15
-    assert off["strength"] == pytest.approx(5e-11, rel=1e-3)
 
 
 @pytest.mark.parametrize("how", [
     {"verdict": "set"}, {"names": ("wheel_slip",)}, {"hidden": ("wheel_slip",)}, {"first": False}, {"alias": None},
     {"found": False}, {"p_value": 0.02}, {"error": 0.5001}, {"error": None},
-    {"error": float("nan")}, {"strength": 20.001}, {"allowed": (0.9, 0.7, 0.85, 0.9)},
-    {"allowed": None}, {"allowed": (0.9,)}], ids=str)
+    {"error": float("nan")}, {"allowed": (0.8,)}, {"allowed": None}, {"allowed": (0.9, 0.8)}], ids=str)
 def test_whatever_else_is_otherwise_is_named(how: dict[str, Any]) -> None:
     (line,) = compare_gradings(WAS, otherwise(**how)).other
     (name, value), = how.items()
     assert line == f"{name} is {value!r}, was {getattr(MARK, name)!r}"
-
-
-def test_what_was_said_with_further_shots_is_compared_too() -> None:
-    assert compare_gradings(Graded("w1", MARK, MARK), WAS).other == ("with further shots: was marked only once",)
-    (line,) = compare_gradings(Graded("w1", MARK, MARK), Graded("w1", MARK, structs.replace(MARK, verdict="set"))).other
-    assert line == "with further shots: verdict is 'set', was 'named'"

@@ -1,4 +1,4 @@
-"""What the sensors of a concealed world say, and its further shots."""
+"""What the sensors of a concealed world say."""
 
 from dataclasses import replace
 
@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.proof.test_truth_flight import quiet
 from truearc.robot.config.rig_spec import Noise
-from truearc.sim.data.dataset import join_datasets
 from truearc.sim.data.files import hash_dataset, load_dataset
 from truearc_proof.truth.flight import wheel_dip
-from truearc_proof.truth.generate import Asked, follow, play, shoot, write
+from truearc_proof.truth.generate import play, shoot, write
 from truearc_proof.truth.world import DIRT, EFFECTS, LEVELS, make_world
 
-ASKED = (Asked(3.0, 45.0, 0.5, 12), Asked(5.0, 50.0, 0.62, 8))
+# --- truth sensors
+
 ALL = {effect.name: effect.typical for effect in EFFECTS}
 
 
@@ -33,10 +32,8 @@ def test_what_is_written_reads_back_the_same(tmp_path, level):
 
 def test_the_same_world_gives_the_same_bits_and_another_seed_another():
     worlds = [make_world(ALL, "L2", 20, seed, dirt=DIRT[:3]) for seed in (9, 9, 10)]
-    for made in (list(map(shoot, worlds)), [follow(*one) for one in ((worlds[0], ASKED), (worlds[1], ASKED),
-                                                                     (worlds[0], ASKED, 2))]):
-        first, again, other = map(hash_dataset, made)
-        assert first == again != other
+    first, again, other = (hash_dataset(shoot(world)) for world in worlds)
+    assert first == again != other
 
 
 def test_sensors_scatter_as_rig_toml_says():
@@ -114,35 +111,3 @@ def test_traces_show_the_dip_of_the_wheels():
 def test_the_operator_corrects_the_level_of_a_hidden_effect(name):
     off = play(make_world({name: 2.0 * ALL[name]}, shots=300, seed=20)).flown.arrival.height_m - 2.44
     assert abs(np.nanmedian(off)) < 0.12
-
-
-@pytest.mark.parametrize(("effect", "amount"), [("hood_offset", 2.0), ("distance_bias", 0.2), ("wind_x", 3.0)])
-def test_the_hidden_effect_is_at_work_as_in_the_season(effect: str, amount: float) -> None:
-    """A setting of the season, asked for again in a world without luck or noise, flies as it did there."""
-    world, k = quiet(make_world({effect: amount}, "L2", 40, 6)), 7
-    season = play(world)
-    first = season.dataset.shots
-    asked = [Asked(float(first.number("distance_m")[k]), float(first.number("hood_deg")[k]),
-                   float(season.motor_ratio[k]), 3)]
-    again, plain = follow(world, asked), follow(replace(world, effects={}), asked)
-    tops = [dataset.tracks.z_m[dataset.tracks.shot == shot].max()
-            for dataset, shot in ((season.dataset, k), (again, 0), (again, 2), (plain, 0))]
-    np.testing.assert_allclose(tops[:3], tops[0], atol=0.004)            # 60 frames a second: the very top is missed
-    assert effect == "distance_bias" or abs(tops[3] - tops[0]) > 0.02
-    assert again.shots.text("outcome") == (first.text("outcome")[k],) * 3
-    assert set(again.shots.text("ball_id")) <= set(first.text("ball_id"))
-    assert not set(again.shots.text("session")) & set(first.text("session"))
-
-
-def test_both_sessions_as_one_dataset_and_taken_apart_again() -> None:
-    world = make_world({}, "L2", 40, 8)
-    first, second = play(world).dataset, follow(world, ASKED)
-    back = join_datasets(first, second).take(range(40, 60))
-    assert back.shots.shot_id == second.shots.shot_id
-    np.testing.assert_array_equal(back.shots.number("since_last_shot_s"), second.shots.number("since_last_shot_s"))
-    for name in ("tracks", "traces"):
-        mine, told = getattr(back, name), getattr(second, name)
-        for column in vars(told):
-            np.testing.assert_array_equal(getattr(mine, column), getattr(told, column))
-    with pytest.raises(ValueError, match="in common"):
-        join_datasets(first, first)

@@ -8,18 +8,17 @@ import msgspec
 import numpy as np
 import pytest
 
-import truearc as ta
 from truearc import robot
 from truearc.robot.config.schema import load_config
-from truearc.sim.infer.belief import as_table
+from truearc.sim.data.files import load_dataset
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import Season, ShotSetting
-from truearc_proof.rounds import Room, hash_files, solver, worlds
+from truearc_proof.rounds import hash_files, worlds
 from truearc_proof.rounds.marks import GOES_WITH, hidden_of, right_names, shoot_unseen
 from truearc_proof.rounds.worlds import FOREIGN, MUJOCO, NUMPY, SHARES, Change, Drawn, changes_of, dirty_options
-from truearc_proof.truth.generate import Asked, shoot
+from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import UNCATALOGUED, draw_errors, find_effect, make_world
 from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
 
@@ -98,10 +97,9 @@ def test_a_foreign_world_is_an_event_with_its_practice_beside(level: str, tmp_pa
     one = Drawn("w1", FOREIGN, "one", level, 60, 20041, {"wind_x": 1.5})
     for name in ("w1", "again"):
         worlds.make_data(one, tmp_path / name)
-    worlds.make_more(one, [Asked(4.0, 50.0, 0.6, 3)], tmp_path / "more")
     assert hash_files(tmp_path / "w1") == hash_files(tmp_path / "again")
-    event, practice, more = (ta.load_dataset(tmp_path / name) for name in ("w1", "w1/home", "more"))
-    assert [len(each.shots) for each in (event, practice, more)] == [16, 60, 3]
+    event, practice = (load_dataset(tmp_path / name) for name in ("w1", "w1/home"))
+    assert [len(each.shots) for each in (event, practice)] == [16, 60]
     assert event.facts == practice.facts and event.facts.believe.terms
     assert (event.tracks is None) == (level != "L2") and "side" in event.shots.texts
     assert right_names(one) == hidden_of(one) == ("wind_x",)
@@ -259,49 +257,10 @@ def test_a_decoys_battery_falls_and_does_nothing() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dirty", "two", "decoy", "off"])
-def test_every_kind_becomes_data_and_can_be_shot_again(kind: str, tmp_path: Path) -> None:
+def test_every_kind_becomes_the_same_data_again(kind: str, tmp_path: Path) -> None:
     one = msgspec.structs.replace(of_kind("L2", kind)[0], shots=12)
     worlds.make_data(one, tmp_path / "w1")
-    worlds.make_more(one, [Asked(4.0, 50.0, 0.6, 3)], tmp_path / "more")
-    first, more = ta.load_dataset(tmp_path / "w1"), ta.load_dataset(tmp_path / "more")
+    first = load_dataset(tmp_path / "w1")
     assert len(first.shots) == 12 and first.tracks is not None and first.facts.believe.terms == ()
-    assert len(more.shots) == 3 and not set(more.shots.shot_id) & set(first.shots.shot_id)
     worlds.make_data(one, tmp_path / "again")
     assert (tmp_path / "again" / "shots.csv").read_bytes() == (tmp_path / "w1" / "shots.csv").read_bytes()
-
-
-BELIEVED = ta.Belief({"drag": {"k_per_m": 0.1 + 0.2}, "gravity": {"g_m_s2": 9.81}}, {"speed_rel": 0.01},
-                     ("drag.k_per_m",), np.array([[1e-4 / 3]]))
-
-
-@pytest.fixture
-def worked_out(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Shots of sessions that were worked out, in a solver that does not take minutes."""
-    homes: list[int] = []
-    monkeypatch.setattr(solver, "_believed_after", lambda home: (homes.append(len(home.shots)), BELIEVED)[1])
-    solver.at_home.cache_clear()
-    return homes
-
-
-@pytest.fixture
-def room(tmp_path: Path) -> Room:
-    worlds.make_data(Drawn("home", MUJOCO, "clean", "L1", 6, 5, change="nothing"), Room(tmp_path).data("home"))
-    return Room(tmp_path)
-
-
-def test_what_was_kept_is_what_was_worked_out_to_the_last_bit(room: Room, worked_out: list[int]) -> None:
-    solver._keep_home(room)
-    solver._keep_home(room)
-    dataset, belief = solver.at_home(room)
-    assert worked_out == [6] and len(dataset.shots.shot_id) == 6
-    assert as_table(belief) == as_table(BELIEVED)
-
-
-@pytest.mark.parametrize("key", ["solver", "data"])
-def test_what_another_solver_kept_or_of_other_data_is_worked_out_again(room, worked_out, key):
-    solver._keep_home(room)
-    kept = msgspec.json.decode(room.home.read_bytes())
-    room.home.write_bytes(msgspec.json.encode({**kept, key: "other"}))
-    solver.at_home(room)
-    solver._keep_home(room)
-    assert worked_out == [6] * 3 and msgspec.json.decode(room.home.read_bytes()) == kept

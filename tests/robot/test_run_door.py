@@ -91,6 +91,24 @@ def test_what_is_refused_is_said_loudly_and_is_never_fatal(wires, tmp_path, monk
     assert "priority 50: REFUSED (not allowed)" in err and "core 3: granted" in err and "locked memory: granted" in err
 
 
+@pytest.mark.parametrize(("policy", "words", "said"), [
+    ("model", (), "gate.policy is 'model', so --gate is needed"), ("model", ("--gate", "none.onnx"), "none.onnx"),
+    ("model", ("--gate", "file"), "not a usable ONNX"), ("collect", ("--out", "file"), "file")])
+def test_without_a_gate_or_a_folder_it_does_not_start(policy, words, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("neither a model nor a folder")
+    Path("own.toml").write_text(Path(CONFIG).read_text(encoding="utf-8").replace('"collect"', f'"{policy}"', 1))
+    assert main(["run", "--config", "own.toml", "--can", "virtual:refused", *words]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["--priority", "100"], ["--priority", "-1"], ["--core", "-1"]])
+def test_what_cannot_be_asked_for_is_bad_input(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "--config", "nowhere.toml", *words]) == 2
+    assert words[0] in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
 def test_the_page_is_shown_every_tick(wires, tmp_path, monkeypatch, capsys):
     pages = []
 

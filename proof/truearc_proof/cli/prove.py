@@ -1,8 +1,7 @@
 """Draw concealed worlds, seal their truth, run discovery on their data, open the seals and mark the claims.
 
 Without a role, all roles of a round run; the solver runs in a process of its own that cannot read the seals. A round's
-individual roles are seal, solve, answer (which shoots the shots that the solver requests; run solve again afterwards)
-and grade. An interrupted round continues where it stopped.
+individual roles are seal, solve and grade. An interrupted round continues where it stopped.
 
 The role pack writes a marked round to one file without its data. The role check recreates the data of --worlds worlds
 from the opened seals, and compares every hash and mark; with --solve N, the solver also repeats its claims about N of
@@ -21,10 +20,9 @@ DEFAULTS = {"worlds": 60, "level": "L1", "shots": 300, "engines": "foreign,numpy
 DRAWN = ("--worlds", "--level", "--shots", "--engines", "--seed", "--seed-from-entropy")
 # The options that each role uses, besides --out and --quiet; all roles together without one.
 APPLY = {
-    None: (*DRAWN, "--processes", "--follow-up", "--rivals"),
+    None: (*DRAWN, "--processes", "--rivals"),
     "seal": (*DRAWN, "--processes", "--rivals", "--world", "--data"),
     "solve": ("--processes", "--rivals"),
-    "answer": ("--processes",),
     "grade": ("--processes", "--so-far"),
     "pack": ("--packed",),
     "check": ("--packed", "--worlds", "--seed", "--solve", "--processes"),
@@ -44,8 +42,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--seed", type=int, help="that the worlds are drawn from; with check: the sample")
     source.add_argument("--seed-from-entropy", action="store_true", help="draw it (a round that goes on keeps its own)")
-    parser.add_argument("--follow-up", action="store_true", help="where names are left, let the solver ask for up to 5 "
-                        "configurations, 100 shots together, and say what it makes of them")
     parser.add_argument("--rivals", metavar="NAMES", help=f"put others to the same tracks, too: {', '.join(RIVALS)}")
     parser.add_argument("--so-far", action="store_true", help="with grade: mark what is claimed, and wait for the rest")
     parser.add_argument("--world", metavar="FILE", help="with seal: JSON of what is true of your own world")

@@ -9,18 +9,17 @@ from pathlib import Path
 
 import msgspec
 
-from truearc.cli.common import make_progress, origin_of
+from truearc.cli.common import make_progress
 from truearc.errors import InputError
 from truearc.sim.compute import keep_compiled
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
-from truearc_proof.rivals import check_rivals
+from truearc_proof.rivals import find_rival
 from truearc_proof.rounds import Room, Step, last_digest, read_ledger
 from truearc_proof.rounds.archive import check_round, compare_claims, give_away, pack, solver_of, unpack
-from truearc_proof.rounds.committer import RoundPlan, answer_round, entropy, load_plan, seal_own, seal_round
+from truearc_proof.rounds.committer import RoundPlan, entropy, load_plan, seal_own, seal_round
 from truearc_proof.rounds.grader import Graded, grade_round, graded_of, unclaimed
-from truearc_proof.rounds.page import make_proof_page, verdict
 from truearc_proof.rounds.solver import solve_round, solver_id
-from truearc_proof.rounds.tables import make_tables, plain_figures
+from truearc_proof.rounds.tables import make_tables, plain_figures, verdict
 from truearc_proof.rounds.worlds import OWN
 
 
@@ -70,7 +69,7 @@ def _solve_again(args: argparse.Namespace, room: Room, names: Sequence[str]) -> 
         wrong = [line for name in names for line in compare_claims(room, away, name)]
     if wrong:
         raise InputError("\n".join(wrong))
-    return f"{', '.join(names)}: solved again from the data alone, and the same claimed."
+    return f"{', '.join(names)}: solved again from the data alone, and marked alike."
 
 
 def play_role(args: argparse.Namespace) -> int:
@@ -95,10 +94,6 @@ def _play(args: argparse.Namespace, room: Room) -> int:
         solve_round(room, make_progress("solve", args.quiet), args.processes, _rivals(args))
     elif args.role is None:
         solve_apart(args, args.out)
-    if args.role == "answer" or (args.role is None and args.follow_up):
-        answer_round(room, make_progress("answer", args.quiet), args.processes)
-    if args.role is None and args.follow_up:
-        solve_apart(args, args.out)
     if args.role in (None, "grade"):
         _tell(args, room, grade_round(room, make_progress("grade", args.quiet), args.processes, args.so_far))
     # to be told to the others, so that nothing in the ledger can be changed unseen from here on
@@ -121,14 +116,15 @@ def _check(args: argparse.Namespace) -> None:
         value = getattr(args, name)
         if value is not None and value < least:
             raise InputError(f"--{name} {value}: {least} or more")
-    check_rivals(_rivals(args))
+    for name in _rivals(args):
+        find_rival(name)
     if args.rivals and args.role in (None, "seal") and args.level != "L2":
         raise InputError(f"--rivals: others are put to tracks alone, which --level {args.level} does not have; L2 does")
     if args.solve and (args.role != "check" or args.solve > args.worlds):
         raise InputError(f"--solve {args.solve}: with check, and no more than --worlds {args.worlds}, which are made "
                        "again")
     ledger, unpacked = Room(Path(args.out)).ledger, args.role == "check" and args.packed
-    if args.role in ("solve", "answer", "grade", "pack", "check") and not (unpacked or ledger.exists()):
+    if args.role in ("solve", "grade", "pack", "check") and not (unpacked or ledger.exists()):
         raise InputError(f"{ledger}: is missing: no round was begun there")
 
 
@@ -137,23 +133,19 @@ def _rivals(args: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _tell(args: argparse.Namespace, room: Room, graded: Sequence[Graded]) -> None:
-    """Print the tables; write the page with them, and their figures."""
-    steps, entries = room.steps(), read_ledger(room.ledger)
-    waiting = len(unclaimed(steps))
-    if waiting:
+    """Print the tables; write their figures."""
+    steps = room.steps()
+    if waiting := len(unclaimed(steps)):
         print(f"{waiting} worlds are sealed and not claimed: they are in no table.")
     if not graded:
         print("Nothing has been marked yet.")
         return
-    marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
-    tables = make_tables(marks, again)
-    origin = origin_of(args)._replace(sha256=last_digest(room.ledger))
-    room.report.write_text(make_proof_page(marks, tables, entries, origin), encoding="utf-8")
+    marks = [one.first for one in graded]
     room.figures.write_bytes(msgspec.json.format(msgspec.json.encode(plain_figures(marks)), indent=1) + b"\n")
     sealed = [f"{one.world} was sealed as {steps[one.world][Step.SEALED]}: compare it with the number you were given"
               for one in graded if one.first.engine == OWN]
-    files = f"report: {room.report}; figures: {room.figures}; every mark: {room.grades}"
-    print("\n\n".join([verdict(marks), *(one.markdown() for one in tables), *sealed, files]))
+    print("\n\n".join([verdict(marks), *(one.markdown() for one in make_tables(marks)), *sealed,
+                       f"figures: {room.figures}; every mark: {room.grades}"]))
 
 
 def _seal_own(args: argparse.Namespace, room: Room) -> int:

@@ -53,15 +53,14 @@ def main(args: argparse.Namespace) -> int:
     repetitions = fan_out(models.run_repetition, models.tasks_of(pool, settings),
                           progress("fit and predict"), args.workers)
     answers = models.train_networks(repetitions, settings, progress("train networks"))
-    analysis = models.analyse(repetitions, answers, settings)
+    analysis = models.analyse(repetitions, answers)
     tables = page.make_tables(repetitions, analysis, settings)
     page.save_figures(folder, pool, repetitions, analysis, tables, settings)
-    page.save_page(folder / "index.html", pool, repetitions, answers, analysis, tables, settings,
-              origin_of(args))
+    page.save_page(folder / "index.html", pool, repetitions, analysis, tables, settings, origin_of(args))
     for line in [*(table.text() for table in page.in_short(tables)), "", *page.what_varies(pool, settings),
                  *page.headline(analysis)]:
         print(line)
-    print(f"\n{page.OURS_NOT_THEIRS}\nreport: {folder / 'index.html'}; figures: figures.csv, table_1.csv, summary.json")
+    print(f"\n{page.OURS_NOT_THEIRS}\nreport: {folder / 'index.html'}; figures: figures.csv, summary.json")
     return 0
 
 

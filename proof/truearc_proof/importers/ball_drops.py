@@ -3,44 +3,23 @@
 proof/IMPORTERS.md describes the columns, their origin, and the assumptions.
 """
 
-import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import openpyxl
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig
 from truearc.sim.data.dataset import Dataset, Shots, Times
-from truearc.sim.data.table import (
-    Cell,
-    Problems,
-    RawTable,
-    gathered,
-    load_table,
-    need_columns,
-    number_column,
-    parse_number,
-    text_column,
-    text_of,
-)
-from truearc_proof.importers.originals import group_rows, part, tracks_of
+from truearc.sim.data.table import Problems, RawTable, gathered, load_table, need_columns, number_column, text_column
+from truearc_proof.importers.originals import group_rows, tracks_of
 
 COLUMNS = ("ball", "drop", "t_s", "height_m", "mass_kg", "diameter_m")
 BODY = ("mass_kg", "diameter_m")      # of a ball: the same in each of its rows, empty if not measured
 TRACK_NOISE_M = 0.07                  # scatter of the heights about a smooth fall (degree 4), all 22 drops together
 RELEASE_HEIGHT_M = 47.16              # where the published drops begin, in the middle; each track says its own
 SHORTEST = 8                          # samples that a drop needs
-SHEET_COLUMNS = {"drop": "Drop #", "t_s": "Time (s)", "height_m": "Height (m)"}     # ours -> theirs
-OUNCE_KG = 0.0283495
-CM_M = 0.01
-UNKNOWN = "??"                        # not measured
-# sheets whose ball has another name in the list; else it is the sheet's in one word, with "wiffle" for "whiffle"
-LISTED_AS = {"Yellow Whiffle Ball": "yellowWiffle", "Orange Whiffle Ball": "orangeWiffle"}
-Body = tuple[Cell, Cell]              # mass_kg, diameter_m
 DENSITY_KG_M3 = 12.0                  # of the balls of the first tutorial, which states none: like foam
 AIR_KG_M3 = 1.2                       # there, too
 SIGMA_S = 0.02                        # of its times, which have none: a good stopwatch
@@ -73,8 +52,8 @@ class _Drop:
         return math.pi * self.radius_m**2 / self.mass_kg
 
 
-def import_ball_drops(*files: str | Path) -> Dataset:
-    """Read one CSV file, or the workbook and the list of balls; one shot per drop, with all samples.
+def import_ball_drops(table: str | Path) -> Dataset:
+    """Import one shot per drop, with all samples.
 
     InputError names file, line and column of each bad row.
 
@@ -82,13 +61,11 @@ def import_ball_drops(*files: str | Path) -> Dataset:
     Each ball's own mass and radius are columns of the shots; rig.toml's ball is a typical one.
     """
     with gathered() as problems:
-        drops, *balls = map(Path, files)
-        tables = load_sheets(drops, balls[0], problems) if balls else [load_table(drops, problems)]
-        found = [drop for table in tables for drop in _drops(table, problems)]
+        found = _drops(load_table(Path(table), problems), problems)
     kept = [drop for drop in found if len(drop.samples) >= SHORTEST]
     left_out = tuple(f"{drop.name}: fewer than {SHORTEST} samples" for drop in found if len(drop.samples) < SHORTEST)
     if not any(math.isfinite(drop.area_per_mass_m2_kg) for drop in kept):
-        raise InputError(f"{files[0]}: no drop of {SHORTEST} samples has a ball of known mass_kg and diameter_m")
+        raise InputError(f"{table}: no drop of {SHORTEST} samples has a ball of known mass_kg and diameter_m")
     # rig.toml's ball: that of the median cross-section per mass (the lower of two), which the air slows as it does most
     weighed = sorted((drop for drop in kept if math.isfinite(drop.area_per_mass_m2_kg)),
                      key=lambda drop: drop.area_per_mass_m2_kg)
@@ -125,76 +102,6 @@ def _bodies(table: RawTable, ball: tuple[str, ...], problems: Problems) -> np.nd
             if not np.array_equal(value, before, equal_nan=True):
                 problems.add(table.place(row), column, f"{name!r} has another in {table.place(first[name])}")
     return body
-
-
-def load_sheets(workbook: Path, balls: Path, problems: Problems) -> list[RawTable]:
-    """Return a table for each ball; lines are the sheet's rows, from 1. InputError names an invalid file, sheet or
-    line."""
-    bodies = _listed_bodies(balls, problems)
-    problems.close()
-    return [_sheet(part(workbook, f"sheet {sheet.title}"), sheet, bodies, balls)
-            for sheet in _opened(workbook).worksheets]
-
-
-def _opened(workbook: Path) -> Any:
-    """The public file is named .xls and holds a workbook of the newer kind: its content decides, not its name."""
-    try:
-        return openpyxl.load_workbook(io.BytesIO(workbook.read_bytes()), data_only=True)
-    except OSError as error:
-        raise InputError(f"{workbook}: {error.strerror or error}") from error
-    except Exception as error:        # what openpyxl meets in a damaged workbook is of many kinds
-        raise InputError(f"{workbook}: not a readable Excel workbook (.xlsx by content): {error}") from error
-
-
-def _sheet(here: Path, sheet: Any, bodies: dict[str, Body], balls: Path) -> RawTable:
-    ball = LISTED_AS.get(sheet.title, sheet.title.lower().replace(" ", "").replace("whiffle", "wiffle"))
-    if ball not in bodies:
-        raise InputError(f"{here}: its ball, {ball}, is not in {balls}")
-    header, *rows = list(sheet.iter_rows()) or [()]
-    names = [str(cell.value).strip() for cell in header]
-    for name in SHEET_COLUMNS.values():
-        if names.count(name) != 1:
-            raise InputError(f"{here}:1: column {name!r} " + ("stands twice" if name in names else "is missing"))
-    place = {ours: names.index(theirs) for ours, theirs in SHEET_COLUMNS.items()}
-    read = {line: {ours: _cell(row[at]) for ours, at in place.items()} for line, row in enumerate(rows, start=2)}
-    kept = [line for line, cells in read.items() if any(cell is not None for cell in cells.values())]
-    columns: dict[str, list[Cell]] = {ours: [read[line][ours] for line in kept] for ours in SHEET_COLUMNS}
-    mass_kg, diameter_m = bodies[ball]
-    columns |= {"ball": [ball] * len(kept), "mass_kg": [mass_kg] * len(kept), "diameter_m": [diameter_m] * len(kept)}
-    columns["drop"] = [f"{cell:g}" if isinstance(cell, float) else cell for cell in columns["drop"]]
-    return RawTable(here, columns, kept)
-
-
-def _cell(cell: Any) -> Cell:
-    """A number, or the text of what is none; an empty cell is missing."""
-    if cell.data_type == "n" and cell.value is not None:
-        return float(cell.value)
-    odd = {"e": "an error", "b": "a yes or no", "d": "a date"}
-    return odd.get(cell.data_type, str(cell.value or "").strip()) or None
-
-
-def _listed_bodies(path: Path, problems: Problems) -> dict[str, Body]:
-    """Mass and diameter of each ball, out of lines `name ounces girth_cm` under a header."""
-    bodies: dict[str, Body] = {}
-    for line, text in enumerate(text_of(path).splitlines(), start=1):
-        words = text.split()
-        if line == 1 or not words:
-            continue
-        if len(words) != 3:
-            problems.add(f"{path}:{line}", "", "is not a ball's name, weight (oz) and circumference (cm)")
-        elif words[0] in bodies:
-            problems.add(f"{path}:{line}", "", f"{words[0]!r} stands twice")
-        else:
-            bodies[words[0]] = (_scaled(words[1], OUNCE_KG, f"{path}:{line}", problems),
-                                _scaled(words[2], CM_M / math.pi, f"{path}:{line}", problems))
-    return bodies
-
-
-def _scaled(word: str, factor: float, place: str, problems: Problems) -> Cell:
-    number = None if word == UNKNOWN else parse_number(word)
-    if word != UNKNOWN and (number is None or not math.isfinite(number)):
-        problems.add(place, "", f"{word!r} is not a finite number, nor {UNKNOWN!r} for unknown")
-    return None if number is None else number * factor
 
 
 def import_sepia_drops(*files: str | Path) -> Dataset:

@@ -88,5 +88,5 @@ def tracks_of(samples: Sequence[np.ndarray]) -> Tracks:
 
 
 def part(path: Path, name: str) -> Path:
-    """Return how messages name a part of a file: a sheet, a group, one of its versions."""
+    """Return how messages name a part of a file: such as a group."""
     return Path(f"{path}, {name}")

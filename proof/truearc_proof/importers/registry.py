@@ -20,11 +20,10 @@ def _later(module: str, name: str) -> Callable[..., Any]:
 MPI = Importer("mpi", ("RECORDING.hdf5 ...", "LAUNCHES.csv TRACKS.csv"), _later("mpi", "import_mpi"))
 BALL_BUTLER = Importer("ball-butler", ("RECORDING.json", "FLIGHTS.csv"),
                        _later("ball_butler", "import_ball_butler"))
-BALL_DROPS = Importer("ball-drops", ("Ball_drops_data.xls balls.txt", "DROPS.csv"),
-                      _later("ball_drops", "import_ball_drops"))
+BALL_DROPS = Importer("ball-drops", ("DROPS.csv",), _later("ball_drops", "import_ball_drops"))
 FRC_254 = Importer("frc-254", ("Constants.java", "TABLES.csv"), _later("set_points", "import_254"))
 FRC_2910 = Importer("frc-2910", ("TargetWithShooterCommand.java", "TABLES.csv"), _later("set_points", "import_2910"))
-FRC_3476 = Importer("frc-3476", ("CLONE/", "shooterconfig.json", "HISTORY.csv"), _later("set_points", "import_3476"))
+FRC_3476 = Importer("frc-3476", ("shooterconfig.json", "HISTORY.csv"), _later("set_points", "import_3476"))
 FRC_971 = Importer("frc-971", ("constants.cc", "SPEEDS.csv"), _later("set_points", "import_971"))
 FTC_DECODE = Importer("ftc-decode", ("SHOTS.csv",), _later("real_shots", "import_ftc_decode"))
 FUEL_CLIPS = Importer("fuel-clips", ("SHOTS.csv",), _later("real_shots", "import_fuel_clips"))

@@ -5,7 +5,6 @@ origin, and the assumptions about each robot.
 """
 
 import math
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -29,7 +28,7 @@ from truearc.sim.data.table import (
     text_column,
     text_of,
 )
-from truearc_proof.importers.originals import INCH_M, json_rows, matching, part, scaled
+from truearc_proof.importers.originals import INCH_M, json_rows, matching, scaled
 
 NUMBER_254 = r"new InterpolatingDouble\((?P<{}>[^()]*)\)"
 HOOD_254 = (r"kLaser(?P<ball>Old|Medium|New)HoodMap\.put\(" + NUMBER_254.format("inches") + r",\s*"
@@ -41,7 +40,6 @@ Point = tuple[float | None, float | None]
 # a distance in inches, and a vector of the hood's elevation and the wheel's speed
 TUNING_2910 = (r"SHOOTER_TUNING\.put\(\s*new InterpolatingDouble\((?P<inches>[^()]*)\),\s*"
           r"new Vector2\(\s*Math\.toRadians\((?P<hood>[^()]*)\),\s*(?P<rpm>[^()]*)\)")
-FILE_3476 = "src/main/deploy/shooter/shooterconfig.json"
 NO_DATE = "2021-01-01T00:00:00+00:00" # of a file without one: all its set points are of one moment
 RPM = 2.0 * math.pi / 60.0
 BALL = Ball(0.142, 0.0889)            # team 2910's notebook: 0.142 kg, 0.1778 m
@@ -96,47 +94,16 @@ def load_2910(path: Path, problems: Problems) -> RawTable:
     return RawTable(path, columns, found.lines)
 
 
-def load_3476(path: Path, problems: Problems) -> list[RawTable]:
-    """Load dated versions: from one CSV, or in order from a clone's history; a JSON file has no date."""
-    if path.is_dir():
-        return _history(path)
-    if path.suffix == ".json":
-        return [_version(text_of(path), path, path.stem, NO_DATE)]
-    return [load_table(path, problems)]
-
-
-def _version(text: str, path: Path, commit: str, when: str) -> RawTable:
-    found = json_rows(text, path, "shooterConfigs", ("distance", "hoodEjectAngle", "flywheelSpeed"))
+def load_3476(path: Path, problems: Problems) -> RawTable:
+    """Load dated versions from a CSV table, or one from the team's own JSON file, which has no date."""
+    if path.suffix != ".json":
+        return load_table(path, problems)
+    found = json_rows(text_of(path), path, "shooterConfigs", ("distance", "hoodEjectAngle", "flywheelSpeed"))
     count = len(found.lines)
-    return RawTable(path, {"commit": [commit] * count, "committed_at": [when] * count,
-                        "distance_m": scaled(found.columns["distance"], INCH_M),
-                        "hood_eject_angle_deg": found.columns["hoodEjectAngle"],
-                        "flywheel_rpm": found.columns["flywheelSpeed"]}, found.lines)
-
-
-def _history(clone: Path) -> list[RawTable]:
-    """Return the versions, newest first, in the order of git; a commit that removed the file is left out."""
-    if _git(clone, "rev-parse", "--is-shallow-repository").strip() == "true":
-        raise InputError(f"{clone}: is a shallow clone, without the older versions: git -C {clone} fetch --unshallow")
-    log = _git(clone, "-c", "log.showSignature=false", "log", "--abbrev=7", "--format=%h %cI", "--", FILE_3476)
-    dated = [line.split() for line in log.splitlines()]
-    tables = [_version(_git(clone, "show", f"{commit}:{FILE_3476}"), part(clone, f"{Path(FILE_3476).name} of {commit}"),
-                       commit, when)
-              for commit, when in dated if _git(clone, "ls-tree", commit, "--", FILE_3476)]
-    if not tables:
-        raise InputError(f"{clone}: its history has no {FILE_3476} (the clone's top folder is wanted)")
-    return tables
-
-
-def _git(clone: Path, *words: str) -> str:
-    try:
-        done = subprocess.run(("git", "-C", str(clone), *words), capture_output=True, encoding="utf-8",
-                              errors="replace", check=False)
-    except FileNotFoundError as error:
-        raise InputError(f"{clone}: reading a clone's history needs git, which is not installed here") from error
-    if done.returncode:
-        raise InputError(f"{clone}: {done.stderr.strip() or 'git says no'}")
-    return done.stdout
+    return RawTable(path, {"commit": [path.stem] * count, "committed_at": [NO_DATE] * count,
+                           "distance_m": scaled(found.columns["distance"], INCH_M),
+                           "hood_eject_angle_deg": found.columns["hoodEjectAngle"],
+                           "flywheel_rpm": found.columns["flywheelSpeed"]}, found.lines)
 
 
 @dataclass(frozen=True)
@@ -192,15 +159,17 @@ import_254, import_2910 = (partial(import_set_points, robot=robot) for robot in 
 def import_3476(history: str | Path) -> Dataset:
     """Import team 3476 (2021): dated versions of one table; a shot for each set point that a version changed.
 
-    `t_s` counts from the first version. Set points that a version kept are left out. All versions
-    in one CSV, or a clone of the team's repository; one version alone can be read from its own shooterconfig.json.
+    `t_s` counts from the first version. Set points that a version kept are left out. All versions are in one CSV; one
+    version alone can be read from its own shooterconfig.json.
     """
     with gathered() as problems:
-        read = [_dated(table, problems) for table in load_3476(Path(history), problems)]
-    commit = [name for names, _, _ in read for name in names]
-    numbers, time_s = (np.concatenate(columns) for columns in list(zip(*read, strict=True))[1:])
-    every = range(len(commit))
-    order = sorted(every, key=lambda row: (time_s[row], row))
+        table = load_3476(Path(history), problems)
+        need_columns(table, ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm"))
+        commit, when = text_column(table, "commit", problems), text_column(table, "committed_at", problems)
+        numbers = _numbers(table, [*range(len(commit))], ("distance_m", "flywheel_rpm", "hood_eject_angle_deg"),
+                           problems)
+        time_s = np.array([_time_s(table, row, text, problems) for row, text in enumerate(when)])
+    order = sorted(range(len(commit)), key=lambda row: (time_s[row], row))
     rows, before = [], set[tuple[float, ...]]()
     for version in dict.fromkeys(commit[row] for row in order):
         points = {tuple(numbers[row]): row for row in order if commit[row] == version}
@@ -209,18 +178,9 @@ def import_3476(history: str | Path) -> Dataset:
     distance_m, wheel_rpm, hood_deg = numbers[rows].T
     shots = _shots(tuple(f"{commit[row]}-{row:03d}" for row in rows), distance_m, wheel_rpm, hood_deg,
                    {"t_s": time_s[rows] - time_s.min()}, {"version": tuple(commit[row] for row in rows)})
-    same = len(every) - len(rows)
+    same = len(commit) - len(rows)
     return Dataset("frc-3476", _rig(), shots,
                    left_out=(f"{same} set points that a version left as they were",) if same else ())
-
-
-def _dated(table: RawTable, problems: Problems) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Of each row its version, [rows, 3] distance, wheel and hood, and when it was written."""
-    need_columns(table, ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm"))
-    commit, when = text_column(table, "commit", problems), text_column(table, "committed_at", problems)
-    every = list(range(len(commit)))
-    numbers = _numbers(table, every, ("distance_m", "flywheel_rpm", "hood_eject_angle_deg"), problems)
-    return commit, numbers, np.array([_time_s(table, row, when[row], problems) for row in every])
 
 
 def _numbers(table: RawTable, rows: list[int], names: tuple[str, ...], problems: Problems) -> np.ndarray:

@@ -1,25 +1,15 @@
-"""The models of a repetition: the paper's simulator and networks, baselines, and truearc's gate.
+"""The models of a repetition: the paper's simulator and networks, and truearc's gate.
 
-The simulator is fitted to the repetition's draw. The baselines predict from the recorded configurations alone, and each
-is tuned by cross-validation. Every model classifies shots as a miss, two or three, and returns the two probabilities
-that a gate returns: p_two = P(two or three), p_three = P(three).
+The simulator is fitted to the repetition's draw. Every model classifies shots as a miss, two or three, and returns the
+two probabilities that a gate returns: p_two = P(two or three), p_three = P(three).
 """
 
-import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from sklearn.ensemble import GradientBoostingClassifier
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.gaussian_process import GaussianProcessClassifier
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel
-from sklearn.linear_model import LogisticRegression
-from sklearn.model_selection import GridSearchCV, StratifiedKFold
-from sklearn.pipeline import Pipeline, make_pipeline
-from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim import statistics as figures
@@ -41,9 +31,6 @@ from truearc_proof.reproduce.collect import Draw, Pool, draw
 SIMULATOR, OURS = "simulator alone", "our gate"
 # Terms that the gate's physics may hold: the paper's forces, and a loss of speed between wheels and ball.
 OUR_TERMS = ("gravity", "drag", "magnus", "exit_efficiency", "wheel_slip")
-FOLDS = 5
-Predict = Callable[[np.ndarray], np.ndarray]
-Choices = dict[str, list[int] | list[float]]
 
 
 class Task(NamedTuple):
@@ -93,11 +80,9 @@ def run_repetition(task: Task) -> Repetition:
     fit = fit_grid(rig, train, settings.grid_step)
     scores = {"Training": score(rig, fit.coefficients, train), "Testing": score(rig, fit.coefficients, test)}
     asked = _rows(test, transfer)
-    all_train = _rows(train)
     seed = settings.base_seed + task.number
     said = [classify(rig, predict(rig, fit.coefficients, shots).height_m) for shots in (test, transfer)]
     predictions = {SIMULATOR: np.array([LABELS[outcome] for outcome in np.concatenate(said)], float)}
-    predictions |= {name: fitted(asked.features) for name, fitted in fit_baselines(all_train, seed).items()}
     predictions |= our_predictions(rig, train, asked, seed)
     height_m = predict(rig, fit.coefficients, test).height_m
     assert rig.target is not None
@@ -134,58 +119,6 @@ def _rows(*shots: Shots) -> Rows:
     parts = [training_rows(part, "pool") for part in shots]
     assert not any(left_out for _, left_out in parts)
     return Rows(*(np.concatenate(columns) for columns in zip(*(rows for rows, _ in parts), strict=True)))
-
-
-def fit_baselines(rows: Rows, seed: int) -> dict[str, Predict]:
-    """Return name -> function from features [n, 3] to p [n, 2]; the same rows and seed give the same functions."""
-    return {"logistic regression": _fit_tuned(_logistic(), rows, seed),
-            "gradient-boosted trees": _fit_tuned(_trees(seed), rows, seed),
-            "Gaussian process": _predictor(_fit_process(rows, seed))}
-
-
-def _logistic() -> tuple[Pipeline, Choices]:
-    model = make_pipeline(StandardScaler(), PolynomialFeatures(include_bias=False), LogisticRegression(max_iter=5000))
-    return model, {"polynomialfeatures__degree": [1, 2], "logisticregression__C": [0.3, 3.0, 30.0]}
-
-
-def _trees(seed: int) -> tuple[Pipeline, Choices]:
-    model = make_pipeline(GradientBoostingClassifier(subsample=0.8, random_state=seed))
-    return model, {"gradientboostingclassifier__n_estimators": [30, 100],
-                   "gradientboostingclassifier__max_depth": [2, 3]}
-
-
-def _fit_process(rows: Rows, seed: int) -> Pipeline:
-    """One process for each outcome against the others; scales by marginal likelihood, so nothing is left to tune."""
-    kernel = ConstantKernel(10.0, (0.1, 1e4)) * RBF([1.0, 1.0, 1.0], (0.05, 100.0))
-    model = make_pipeline(StandardScaler(), GaussianProcessClassifier(kernel, random_state=seed))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)       # a scale at its bound: that input is not informative
-        return model.fit(rows.features, _classes(rows))
-
-
-def _fit_tuned(tunable: tuple[Pipeline, Choices], rows: Rows, seed: int) -> Predict:
-    model, choices = tunable
-    classes = _classes(rows)
-    folds = StratifiedKFold(min(FOLDS, int(np.bincount(classes)[np.unique(classes)].min())), shuffle=True,
-                            random_state=seed)
-    search = GridSearchCV(model, choices, scoring="neg_log_loss", cv=folds)
-    return _predictor(search.fit(rows.features, classes))
-
-
-def _classes(rows: Rows) -> np.ndarray:
-    """0 miss, 1 two, 2 three."""
-    level: np.ndarray = rows.labels.sum(axis=1).round().astype(int)
-    return level
-
-
-def _predictor(model: Pipeline | GridSearchCV) -> Predict:
-    def predict(features: np.ndarray) -> np.ndarray:
-        by_class = dict(zip(model.classes_.tolist(), model.predict_proba(features).T, strict=True))
-        none = np.zeros(len(features))
-        three = by_class.get(2, none)
-        return np.column_stack([by_class.get(1, none) + three, three])
-
-    return predict
 
 
 class Answer(NamedTuple):
@@ -225,11 +158,8 @@ def train_networks(repetitions: Sequence[Repetition], settings: Settings,
 
 CUT = 0.5
 CLASSES = {"miss": (False, False), "two": (True, False), "three": (True, True)}
-RESAMPLES = 4000
 BY_VALIDATION = "seed's network, setting best by validation"
 BY_TEST = "seed's network, setting best by test (generous)"
-PAPERS = "seed's network, the paper's setting"
-NO_SIMULATED = "network without simulated data"
 COMPARED = ("accuracy", "f1_three", "brier", "ece")
 LOW_IS_GOOD = ("brier", "ece")
 
@@ -273,32 +203,22 @@ def _of_class(said: np.ndarray, was: np.ndarray, outcome: str) -> tuple[float, f
 
 
 class Interval(NamedTuple):
-    """A mean with its 95 % interval by Student's t and by the bootstrap (percentiles), over `n` repetitions."""
+    """A mean over repetitions with its 95 % interval by Student's t."""
 
     mean: float
     low: float
     high: float
-    boot_low: float
-    boot_high: float
-    n: int
 
 
-def interval(values: np.ndarray, seed: int = 0) -> Interval:
+def interval(values: np.ndarray) -> Interval:
     """Return the interval of one value per repetition; NaN rows are omitted, and fewer than two leave the bounds NaN.
 
     For a paired comparison pass the differences. Repetitions that draw from one pool overlap, so the interval covers
     new draws from these recordings; one that covered new recordings would be wider.
     """
-    kept = np.asarray(values, float)[~np.isnan(np.asarray(values, float))]
-    if len(kept) < 2:
-        mean = float(kept[0]) if len(kept) else float("nan")
-        nan = float("nan")
-        return Interval(mean, nan, nan, nan, nan, len(kept))
-    mean = float(kept.mean())
-    half = student_half(kept)
-    draws = np.random.default_rng([seed, 35]).integers(0, len(kept), (RESAMPLES, len(kept)))
-    boot_low, boot_high = np.percentile(kept[draws].mean(axis=1), [2.5, 97.5])
-    return Interval(mean, mean - half, mean + half, float(boot_low), float(boot_high), len(kept))
+    mean, kept = _mean(values), values[~np.isnan(values)]
+    half = student_half(kept) if len(kept) > 1 else float("nan")
+    return Interval(mean, mean - half, mean + half)
 
 
 class Figure(NamedTuple):
@@ -349,9 +269,8 @@ def network_name(setting: SweepSetting) -> str:
     return f"{NETWORK}{setting.size} simulated, lambda {setting.weight:g}"
 
 
-def analyse(repetitions: Sequence[Repetition], answers: Sequence[dict[SweepSetting, Answer]],
-            settings: Settings) -> Analysis:
-    """Return the figures of every model in every repetition, and ours against all others if ours exists."""
+def analyse(repetitions: Sequence[Repetition], answers: Sequence[dict[SweepSetting, Answer]]) -> Analysis:
+    """Return the figures of every model in every repetition, and ours against all others."""
     figures: list[Figure] = []
     for one, networks in zip(repetitions, answers, strict=True):
         for name, p in one.predictions.items():
@@ -359,11 +278,7 @@ def analyse(repetitions: Sequence[Repetition], answers: Sequence[dict[SweepSetti
         for setting, answer in networks.items():
             figures += _figures(one, network_name(setting), setting, answer.p)
         least = min(networks, key=lambda setting: networks[setting].validation_loss)
-        paper = SweepSetting(settings.best_size, settings.best_weight)
         figures += _figures(one, BY_VALIDATION, least, networks[least].p)
-        figures += _figures(one, PAPERS, paper, networks[paper].p)
-        if (none := SweepSetting(0, settings.best_weight)) in networks:
-            figures += _figures(one, NO_SIMULATED, none, networks[none].p)
     bare = Analysis(tuple(figures), ())
     return Analysis(bare.figures, tuple(_differences(bare, list(answers[0]))))
 
@@ -376,8 +291,6 @@ def _figures(one: Repetition, model: str, setting: SweepSetting | None, p: np.nd
 
 
 def _differences(analysis: Analysis, settings: list[SweepSetting]) -> list[Difference]:
-    if OURS not in analysis.models():
-        return []
     found = []
     for where, metric in product(WHERE, COMPARED):
         best = best_by_test(analysis, settings, where, metric)
@@ -386,7 +299,7 @@ def _differences(analysis: Analysis, settings: list[SweepSetting]) -> list[Diffe
                                                 f"{best.size} simulated, lambda {best.weight:g}")):
             ours, theirs = analysis.values(OURS, where, metric), analysis.values(model, where, metric)
             gap = interval(ours - theirs)
-            better = max(gap.high, gap.boot_high) < 0.0 if metric in LOW_IS_GOOD else min(gap.low, gap.boot_low) > 0.0
+            better = gap.high < 0.0 if metric in LOW_IS_GOOD else gap.low > 0.0
             found.append(Difference(where, metric, other, setting, _mean(ours), _mean(theirs), gap, better))
     return found
 

@@ -16,20 +16,11 @@ from truearc.sim.data.table import OUTCOMES
 from truearc.sim.paper.sweep import SweepSetting
 from truearc.sim.printed import save_csv
 from truearc.sim.report import COLOURS, NO_ORIGIN, Origin, make_page, make_png, new_figure, paragraph, picture, table
-from truearc.sim.statistics import BINS, reliability
+from truearc.sim.statistics import BINS
 from truearc_proof.reproduce import EVERYTHING, REAL, SIMULATED, WHERE, Settings
 from truearc_proof.reproduce import models as figures
-from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
-from truearc_proof.reproduce.models import (
-    OURS,
-    SIMULATOR,
-    Analysis,
-    Answer,
-    Interval,
-    Repetition,
-    interval,
-    network_name,
-)
+from truearc_proof.reproduce.collect import Pool
+from truearc_proof.reproduce.models import OURS, Analysis, Interval, Repetition, interval, network_name
 from truearc_proof.table import Table
 
 # the paper's printed Tables I and II; Figures 8 to 10 are pictures without numbers
@@ -54,11 +45,9 @@ SCHEMA = "truearc.reproduction/1"
 
 def make_tables(repetitions: Sequence[Repetition], analysis: Analysis, settings: Settings) -> list[Table]:
     """Return Tables I and II, Figures 9 and 10 as numbers, every model's metrics, and ours against the others."""
-    tables = [table_one(repetitions), coefficients_table(repetitions), table_two(analysis, settings),
-              figure_nine(analysis, settings), figure_ten(analysis, settings), models_table(analysis)]
-    if OURS in analysis.models():
-        tables.append(differences_table(analysis))
-    return tables
+    return [table_one(repetitions), coefficients_table(repetitions), table_two(analysis, settings),
+            figure_nine(analysis, settings), figure_ten(analysis, settings), models_table(analysis),
+            differences_table(analysis)]
 
 
 def table_one(repetitions: Sequence[Repetition]) -> Table:
@@ -145,15 +134,15 @@ def in_short(tables: Sequence[Table]) -> list[Table]:
 def differences_table(analysis: Analysis) -> Table:
     rows = []
     for found in analysis.differences:
-        told = (_twice(found.difference, "+.4f") if found.metric in figures.LOW_IS_GOOD
-                else _twice(found.difference, "+.1f", " points", 100.0))
+        told = (_told(found.difference, "+.4f") if found.metric in figures.LOW_IS_GOOD
+                else _told(Interval(*(100.0 * one for one in found.difference)), "+.1f", " points"))
         setting = f" ({found.setting})" if found.setting else ""
         rows.append((found.where, NAMES[found.metric], found.other + setting, f"{found.ours:.3f}",
                      f"{found.theirs:.3f}", told, "yes" if found.better else "no"))
     return Table(DIFFERENCES, ("rows", "measure", "against", "ours", "theirs",
-                 "ours - theirs (95 %, t; bootstrap)", "better"), tuple(rows),
+                 "ours - theirs (95 %)", "better"), tuple(rows),
                  f"Paired by repetition. \"{figures.BY_TEST}\" is the one setting that does best on the very rows it "
-                 "is judged by. Better: both intervals are wholly on the good side of 0. Compared: "
+                 "is judged by. Better: the interval is wholly on the good side of 0. Compared: "
                  + ", ".join(NAMES[name] for name in figures.COMPARED) + ".")
 
 
@@ -168,11 +157,6 @@ def _share(found: Interval) -> str:
 
 def _told(found: Interval, form: str, unit: str = "") -> str:
     return f"{found.mean:{form}}{unit} ({found.low:{form}} to {found.high:{form}})"
-
-
-def _twice(found: Interval, form: str, unit: str = "", factor: float = 1.0) -> str:
-    mean, *ends = (format(factor * one, form) for one in found[:5])
-    return "{}{} ({} to {}; {} to {})".format(mean, unit, *ends)
 
 
 def draw_deviations(repetitions: Sequence[Repetition], three_m: float, two_m: float) -> Figure:
@@ -212,23 +196,6 @@ def draw_sizes(analysis: Analysis, settings: Settings) -> Figure:
     return _bare(figure, axes)
 
 
-def draw_sets(analysis: Analysis, settings: Settings) -> Figure:
-    """Draw Figure 9: accuracy of every model on D_r's test set and on D_s^T."""
-    best = network_name(SweepSetting(settings.best_size, settings.best_weight))
-    models = [best, *(model for model in analysis.models() if not model.startswith("seed's network"))]
-    figure = new_figure(8.0, 0.9 + 0.55 * len(models))
-    axes = figure.subplots()
-    for row, model in enumerate(reversed(models)):
-        for side, where, colour in ((0.19, REAL, GREEN), (-0.19, SIMULATED, "#d99000")):
-            found = interval(100 * analysis.values(model, where, "accuracy"))
-            axes.barh(row + side, found.mean, height=0.34, color=colour, label=where if row == 0 else None)
-            axes.plot([found.low, found.high], [row + side] * 2, color="#1a1c20", linewidth=1.5)
-    axes.set_yticks(range(len(models)), list(reversed(models)))
-    axes.set(xlabel="accuracy, %, 95 % interval of the mean over repetitions", xlim=(0.0, 100.0))
-    axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=2)
-    return _bare(figure, axes)
-
-
 def draw_weights(analysis: Analysis, settings: Settings) -> Figure:
     """Draw Figure 10: accuracy by lambda; the paper's own choice is starred as there."""
     figure = new_figure(8.0, 3.8)
@@ -246,23 +213,6 @@ def draw_weights(analysis: Analysis, settings: Settings) -> Figure:
     return _bare(figure, axes)
 
 
-def draw_reliability(repetitions: Sequence[Repetition], answers: dict[str, list[np.ndarray]]) -> Figure:
-    """Draw the share of hits against stated probability, both outputs, all repetitions; the diagonal is perfect
-    calibration."""
-    figure = new_figure(8.0, 3.8)
-    panels = figure.subplots(1, max(len(answers), 1), sharey=True, squeeze=False)[0]
-    hits = np.concatenate([one.asked.labels.ravel() for one in repetitions])
-    for axes, (name, predictions) in zip(panels, answers.items(), strict=True):
-        bins = reliability(np.concatenate([part.ravel() for part in predictions]), hits)
-        axes.plot([0, 1], [0, 1], color=GREY, linewidth=1.0)
-        axes.scatter(bins.stated, bins.came_true, s=6 + 300 * bins.count / bins.count.sum(), color=BLUE)
-        axes.set(title=name, xlabel="stated probability", xlim=(0, 1), ylim=(0, 1), aspect="equal")
-        axes.title.set_fontsize(9)
-        axes.spines[["top", "right"]].set_visible(False)
-    panels[0].set_ylabel("share of hits")
-    return figure
-
-
 def _band(axes: Axes, x: Sequence[float], columns: list[np.ndarray], colour: str, label: str) -> None:
     found = [interval(100 * column) for column in columns]
     axes.plot(x, [one.mean for one in found], "o-", color=colour, label=label, markersize=4)
@@ -270,9 +220,8 @@ def _band(axes: Axes, x: Sequence[float], columns: list[np.ndarray], colour: str
 
 
 def _level(axes: Axes, analysis: Analysis) -> None:
-    values = analysis.values(OURS, EVERYTHING, "accuracy")
-    if len(values):
-        axes.axhline(100 * values.mean(), color="#1a1c20", linestyle=":", label="our gate, both sets")
+    axes.axhline(100 * analysis.values(OURS, EVERYTHING, "accuracy").mean(), color="#1a1c20", linestyle=":",
+                 label="our gate, both sets")
 
 
 def _bare(figure: Figure, axes: Axes) -> Figure:
@@ -296,12 +245,9 @@ def what_varies(pool: Pool, settings: Settings) -> list[str]:
         "Repetitions draw from one pool and so overlap: an interval says how far another draw from these recordings "
         "may differ, not another robot or another week.",
         "The simulated configurations to be launched were drawn with the coefficients of the first repetition's "
-        "training split: "
-        + ", ".join(f"{key} = {value:.3f}" for part in pool.coefficients.values() for key, value in part.items())
-        + ". They were drawn from what the robot can see and do: "
-        + ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in LAUNCHABLE.items()) + ".",
+        "training split, from what the robot can see and do.",
         "Every model has the same training configurations and labels. Networks, as in the paper, are stopped by a "
-        "fifth of them that is kept from training; the others have no need of it and are fitted to all.",
+        "fifth of them that is kept from training; our gate is fitted to all.",
     ]
 
 
@@ -317,8 +263,8 @@ def headline(analysis: Analysis) -> list[str]:
     return lines
 
 
-def save_page(path: Path, pool: Pool, repetitions: Sequence[Repetition], answers: Sequence[dict[SweepSetting, Answer]],
-              analysis: Analysis, tables: Sequence[Table], settings: Settings, origin: Origin = NO_ORIGIN) -> None:
+def save_page(path: Path, pool: Pool, repetitions: Sequence[Repetition], analysis: Analysis, tables: Sequence[Table],
+              settings: Settings, origin: Origin = NO_ORIGIN) -> None:
     """Write the page; everything is inline."""
     target = pool.real.facts.target
     assert target is not None
@@ -329,13 +275,8 @@ def save_page(path: Path, pool: Pool, repetitions: Sequence[Repetition], answers
                            "points the mean and median are printed, no more."),
         "Table II:": picture(make_png(draw_sizes(analysis, settings)), "accuracy by the amount of simulated data",
                             "Bands: 95 % intervals of the mean over repetitions."),
-        "Figure 9": picture(make_png(draw_sets(analysis, settings)), "accuracy on both sets", "Figure 9 redrawn; the "
-                            "paper's bars are not printed as numbers."),
         "Figure 10": picture(make_png(draw_weights(analysis, settings)), "accuracy by lambda", "Figure 10 redrawn; of "
                              "the paper's curve only the star is known."),
-        "All models": picture(make_png(draw_reliability(repetitions, _reliabilities(repetitions, answers, settings))),
-                              "stated probability against share of hits", "Both outputs, both sets, all repetitions; "
-                              "the larger the dot, the more predictions."),
     }
     sections = [("What the data are", "".join(paragraph(line) for line in what_varies(pool, settings)))]
     for one in tables:
@@ -348,15 +289,12 @@ def save_page(path: Path, pool: Pool, repetitions: Sequence[Repetition], answers
 
 def save_figures(folder: Path, pool: Pool, repetitions: Sequence[Repetition], analysis: Analysis,
                  tables: Sequence[Table], settings: Settings) -> None:
-    """Write figures.csv: every model's metrics in every repetition; table_1.csv: Table I's; summary.json: the rest."""
+    """Write figures.csv: every model's metrics in every repetition; summary.json: the rest."""
     rows = [[figure.repetition, figure.model, "" if figure.size is None else figure.size,
              "" if figure.weight is None else figure.weight, figure.where, *map(_cell, figure.metrics)]
             for figure in analysis.figures]
     header = ["repetition", "model", "simulated", "lambda", "rows", *figures.Metrics._fields]
     save_csv(folder / "figures.csv", header, rows)
-    splits = [[one.number, part, *map(_cell, found)] for one in repetitions for part, found in one.scores.items()]
-    names = repetitions[0].scores["Training"]._fields
-    save_csv(folder / "table_1.csv", ["repetition", "split", *names], splits)
     text = msgspec.json.encode(_summary(pool, repetitions, analysis, tables, settings), enc_hook=float)
     (folder / "summary.json").write_bytes(msgspec.json.format(text, indent=1) + b"\n")
 
@@ -369,21 +307,12 @@ def _summary(pool: Pool, repetitions: Sequence[Repetition], analysis: Analysis, 
                  "launched": _counted(pool.launched.shots.text("outcome")),
                  "left_out": [*pool.real.left_out, *pool.launched.left_out]},
         "repetitions": [{"number": one.number, "coefficients": one.coefficients, "tied": one.tied,
+                         "table_1": {part: found._asdict() for part, found in one.scores.items()},
                          "deviation_m": one.deviation_m.tolist(), "outcome": one.outcome}
                         for one in repetitions],
         "differences": [{**one._asdict(), "difference": one.difference._asdict()} for one in analysis.differences],
         "tables": [one._asdict() for one in tables],
     }
-
-
-def _reliabilities(repetitions: Sequence[Repetition], answers: Sequence[dict[SweepSetting, Answer]],
-                   settings: Settings) -> dict[str, list[np.ndarray]]:
-    setting = SweepSetting(settings.best_size, settings.best_weight)
-    shown = {figures.PAPERS: [networks[setting].p for networks in answers]}
-    for name in (OURS, "Gaussian process", SIMULATOR):
-        if all(name in one.predictions for one in repetitions):
-            shown[name] = [one.predictions[name] for one in repetitions]
-    return shown
 
 
 def _counted(outcomes: Sequence[str]) -> dict[str, int]:

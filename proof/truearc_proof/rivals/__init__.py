@@ -3,7 +3,6 @@
 A rival's module is imported only when that rival is requested.
 """
 
-from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, cast
 
@@ -12,10 +11,8 @@ from truearc.errors import InputError
 if TYPE_CHECKING:
     from truearc_proof.rivals.claim import Rival
 
-OURS = "truearc"
 ANSWERS = {"pysindy-ensemble": "sindy:answer_ensemble", "pysindy-weak": "sindy:answer_weak",
-           "odr-bindy": "odr_bindy:answer", "gp": "residual:answer_gp", "boosted": "residual:answer_boosted",
-           "argmax": "claim:answer_argmax"}
+           "gp": "residual:answer_gp", "argmax": "claim:answer_argmax"}
 RIVALS = tuple(ANSWERS)
 
 
@@ -25,10 +22,3 @@ def find_rival(name: str) -> "Rival":
         raise InputError(f"there is no rival {name!r}; there are {', '.join(RIVALS)}")
     module, _, function = ANSWERS[name].partition(":")
     return cast("Rival", getattr(import_module(f"truearc_proof.rivals.{module}"), function))
-
-
-def check_rivals(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names, each once; InputError for one that cannot take part."""
-    for name in names:
-        find_rival(name)
-    return tuple(dict.fromkeys(names))

@@ -33,9 +33,8 @@ accelerations is blind), each shot's own spin (which differs from that of the wh
 The tracker's scale, tilt and clock are accelerations too, but they are omitted so that fewer columns can be mistaken
 for the true one.
 
-Forecasts of the height at a track's end correspond to truearc's own figure (truearc.sim.discover.select.simulations):
-the first 40 % of a track's samples determine the initial conditions, and the law continues the flight. truearc also
-uses the wheels and hood; a law of accelerations does not, so compare each entrant's result only with its own baseline.
+`end_errors` forecasts the height at a track's end, as truearc's own figure does (truearc.sim.discover.select.
+simulations): the first 40 % of a track's samples determine the initial conditions, and the law continues the flight.
 """
 
 import math
@@ -49,12 +48,10 @@ from msgspec import Struct
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, circumstances_of
 from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.select import simulations
 from truearc.sim.discover.select.simulations import FORECAST
 from truearc.sim.discover.select.terms import Candidate, one_step
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.observations import gather_samples
-from truearc.sim.infer.likelihood.score_table import FOLDS, folds_of
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.simulate import launch_of, launch_state, own_balls
 
@@ -67,16 +64,11 @@ class Claim(Struct, frozen=True):
     """One entrant's claim about one world.
 
     says_something: that the believed simulation lacks something. names: terms of the catalogue, likeliest first; empty
-    if none is named. before_m, after_m: RMS error of the forecast height at the tracks' ends in hold-out shots, by the
-    believed physics and by the entrant's law (equal if it does not say something); None if it makes no forecast.
-    figures: those that decided.
+    if none is named.
     """
 
     says_something: bool
     names: tuple[str, ...] = ()
-    before_m: float | None = None
-    after_m: float | None = None
-    figures: Mapping[str, float] = {}
 
 
 @dataclass(frozen=True)
@@ -96,19 +88,6 @@ class RivalBelief:
 Rival = Callable[[Dataset, RivalBelief, int], Claim]
 
 
-class Held(NamedTuple):
-    """A fold: which of n rows are learnt from, and which are held out; masks [n]."""
-
-    train: Array
-    out: Array
-
-
-def folds(n: int) -> tuple[Held, ...]:
-    """Hold out every fifth of n shots, as in truearc's own figures on unseen shots."""
-    fold = folds_of(n)
-    return tuple(Held(fold != k, fold == k) for k in range(FOLDS))
-
-
 def believed_of(found: Investigation) -> RivalBelief | None:
     """Return the belief from truearc's own investigation; None if the data allow no test."""
     if found.fitted is None:
@@ -123,7 +102,7 @@ def rms(errors: Array) -> float:
 
 
 def answer_argmax(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
-    """Return the best fit's name and its forecast errors; nothing in it is random."""
+    """Return names by how well they fit; nothing in it is random."""
     fitted = believed.fitted
     candidates = [one for one in one_step(fitted.scores)[0] if one.visible]
     if not candidates:
@@ -133,10 +112,7 @@ def answer_argmax(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Cla
               if k < LIKELY or one.name in believed.refits}
     fits = {name: float(found.scores.log_score.sum()) for name, found in refits.items()}
     ranked = sorted(fits, key=lambda name: -fits[name]) + [one.name for one in ordered if one.name not in fits]
-    null, best = fitted.without_terms(), refits[ranked[0]]
-    before, after = (simulations.end_errors(one, one.scores.held_out_change()) for one in (null, best))
-    names = tuple(dict.fromkeys(name.partition(".")[0] for name in ranked))
-    return Claim(True, names, before, after, {"gain": fits[ranked[0]] - float(null.scores.log_score.sum())})
+    return Claim(True, tuple(dict.fromkeys(name.partition(".")[0] for name in ranked)))
 
 
 def _refit(fitted: LauncherFit, one: Candidate) -> LauncherFit:

@@ -31,7 +31,7 @@ import numpy as np
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.infer.likelihood.score_table import FOLDS
 from truearc_proof.rivals import claim as laws
-from truearc_proof.rivals.claim import Array, Claim, RivalBelief, folds, rms
+from truearc_proof.rivals.claim import Array, Claim, RivalBelief
 
 THRESHOLDS = np.geomspace(0.02, 5.0, 13)      # in usual sizes of a term
 RIDGES = (0.05, 5.0, 500.0)           # PySINDy's own default, and two that damp what all but runs alike
@@ -100,7 +100,9 @@ def fit(rows: Rows, tuning: Tuning) -> Model:
     optimizer = _stlsq(tuning)
     with _quiet():
         optimizer.fit(candidates, target[:, None])
-    return _whole(rows, np.asarray(optimizer.coef_)[0])
+    found = np.asarray(optimizer.coef_)[0]
+    left = rows.target - rows.candidates @ found
+    return Model(np.linalg.lstsq(rows.believed, left, rcond=None)[0], found)
 
 
 def ensemble(rows: Rows, tuning: Tuning, seed: int, models: int = MODELS) -> Array:
@@ -146,11 +148,6 @@ def seeded(seed: int) -> Iterator[None]:
         np.random.set_state(state)
 
 
-def _whole(rows: Rows, found: Array) -> Model:
-    left = rows.target - rows.candidates @ found
-    return Model(np.linalg.lstsq(rows.believed, left, rcond=None)[0], found)
-
-
 def _stlsq(tuning: Tuning) -> Any:
     import pysindy
 
@@ -170,47 +167,26 @@ def known_of(terms: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in laws.FREE if name in terms)
 
 
-def claim_by(flights: laws.Flights, rows: Rows, known: tuple[str, ...], seed: int) -> Claim:
-    """Tune, bag, rank, and forecast held-out tracks with a law that the other tracks gave.
-
-    figures: low90, high90, the middle nine tenths of the models' coefficients of the first column, in its term's units.
-    """
-    candidates = laws.candidates_of(known)
-    tuning = tune(rows)
-    models = ensemble(rows, tuning, seed)
+def claim_by(rows: Rows, known: tuple[str, ...], seed: int) -> Claim:
+    """Tune, bag and rank."""
+    models = ensemble(rows, tune(rows), seed)
     share = (models != 0.0).mean(0)
-    says = bool((share > INCLUDED).any())
-    ranked = rank(share, np.median(models, axis=0), candidates) if says else ()
-    before, after = (rms(laws.end_errors(flights, known + candidates, weights))
-                     for weights in _laws(flights, rows, tuning))
-    figures = {"threshold": tuning.threshold, "ridge": tuning.ridge, "inclusion": float(share.max())}
-    for end, quantile in (("low90", 0.05), ("high90", 0.95)) if ranked else ():
-        figures[end] = float(laws.usual_of(ranked[0]) * np.quantile(models[:, candidates.index(ranked[0])], quantile))
-    names = tuple(term for column in ranked for term in laws.terms_of(column))
-    return Claim(says, names, before, after if says else before, figures)
-
-
-def _laws(flights: laws.Flights, rows: Rows, tuning: Tuning) -> tuple[Array, Array]:
-    """Coefficients [n, B + K] for each track by the other folds' tracks: believed alone, and with what STLSQ keeps."""
-    plain, full = np.zeros((2, len(flights), rows.believed.shape[1] + rows.candidates.shape[1]))
-    for held in folds(len(flights)):
-        train = rows.take(held.train[rows.track])
-        if rows.believed.shape[1]:
-            plain[held.out, :rows.believed.shape[1]] = np.linalg.lstsq(train.believed, train.target, rcond=None)[0]
-        full[held.out] = np.concatenate(fit(train, tuning))
-    return plain, full
+    if not (share > INCLUDED).any():
+        return Claim(False)
+    ranked = rank(share, np.median(models, axis=0), laws.candidates_of(known))
+    return Claim(True, tuple(term for column in ranked for term in laws.terms_of(column)))
 
 
 def answer_ensemble(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     """Return the claim of the ensemble; needs pysindy."""
-    flights, known = laws.gather_flights(dataset), known_of(believed.terms)
-    return claim_by(flights, ensemble_rows(flights, known), known, seed)
+    known = known_of(believed.terms)
+    return claim_by(ensemble_rows(laws.gather_flights(dataset), known), known, seed)
 
 
 def answer_weak(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     """Return the claim of the ensemble over the weak form; needs pysindy."""
-    flights, known = laws.gather_flights(dataset), known_of(believed.terms)
-    return claim_by(flights, weak_rows(flights, known, seed), known, seed)
+    known = known_of(believed.terms)
+    return claim_by(weak_rows(laws.gather_flights(dataset), known, seed), known, seed)
 
 
 def ensemble_rows(flights: laws.Flights, known: tuple[str, ...]) -> Rows:
@@ -291,10 +267,6 @@ def integrate(library: Any, columns: Array) -> Array:
 
 def change(library: Any, columns: Array) -> Array:
     """Return [DOMAINS, k] integrals of the columns' derivatives, by parts."""
-    return np.asarray(library.convert_u_dot_integral(_axes(columns)))
-
-
-def _axes(columns: Array) -> Any:
     from pysindy.utils import AxesArray
 
-    return AxesArray(columns, {"ax_time": 0, "ax_coord": 1})
+    return np.asarray(library.convert_u_dot_integral(AxesArray(columns, {"ax_time": 0, "ax_coord": 1})))

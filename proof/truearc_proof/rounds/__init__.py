@@ -5,15 +5,11 @@
     ROUND/ledger.jsonl            every step of every world, as a hash chain
     ROUND/data/w0001/             a released dataset; of a foreign world, its practice is in the folder home
     ROUND/data/home/              MuJoCo's robot before any change, if there are such worlds
-    ROUND/home.json               the belief from that robot's session, computed once for all claims
-    ROUND/claims/w0001.json       the solver's claims about that dataset, and the shots that it requests
-    ROUND/more/w0001/             the requested shots, or measured.json, as released
-    ROUND/again/w0001.json        the solver's claims that also use them
+    ROUND/claims/w0001.json       the solver's claims about that dataset
     ROUND/keeper/round.json       how the round was drawn; not for the solver
     ROUND/keeper/w0001.json       the world's seal; not for the solver
     ROUND/grades.jsonl            marks of opened worlds
-    ROUND/report.html             all of these, in pictures and tables
-    ROUND/figures.json            the figures of those tables, with intervals
+    ROUND/figures.json            the figures of the printed tables, with intervals
 
 The ledger has one JSON object per line, each with the SHA-256 of the preceding line, so that no line can be changed,
 removed or inserted without breaking the chain. Lines are only appended, and are on disk before their subject is
@@ -56,18 +52,16 @@ LOCK = "lock"                         # stays there, empty, when no process hold
 
 
 class Step(StrEnum):
-    """What is entered about a world, in this order; ASKED to CLAIMED_AGAIN only if the solver requests more."""
+    """What is entered about a world, in this order."""
 
     SEALED = "sealed"
     CLAIMED = "claimed"
-    ASKED = "asked"
-    ANSWERED = "answered"
-    CLAIMED_AGAIN = "claimed again"
     OPENED = "opened"
     GRADED = "graded"
 
 
-STEPS = tuple(Step)
+# older rounds, in which solvers requested further shots, have steps between claims and opening, which count no more
+STEPS = (Step.SEALED, Step.CLAIMED, "asked", "answered", "claimed again", Step.OPENED, Step.GRADED)
 
 
 class Entry(Struct, frozen=True, forbid_unknown_fields=True):
@@ -142,7 +136,7 @@ def committed(entries: tuple[Entry, ...], world: str) -> dict[str, str]:
 
 
 PLACES = {"ledger": "ledger.jsonl", "keeper": "keeper", "plan": "keeper/round.json", "grades": "grades.jsonl",
-          "report": "report.html", "figures": "figures.json", "home": "home.json", "half": "half"}
+          "figures": "figures.json", "half": "half"}
 
 
 @dataclass(frozen=True)
@@ -155,12 +149,6 @@ class Room:
         if name not in PLACES:
             raise AttributeError(name)
         return self.root / PLACES[name]
-
-    def more(self, world: str) -> Path:
-        return self.root / "more" / world
-
-    def again(self, world: str) -> Path:
-        return self.root / "again" / f"{world}.json"
 
     def data(self, world: str) -> Path:
         return self.root / "data" / world
@@ -194,22 +182,6 @@ def alone(root: Path) -> Iterator[None]:
 
 SALT_BYTES = 32
 SCHEMA = "truearc.claims/2"
-# What may be measured of a concealed robot instead of more shots, by the ids of the terms' instruments, one measurement
-# of all its terms: {term: standard deviation of a reading, in the unit of the catalogue's parameter}. Their order seeds
-# the readings.
-TOOLS: Mapping[str, Mapping[str, float]] = {
-    "target_height_tape": {"target_height": 0.01},
-    "exit_height_tape": {"release_height": 0.01},
-    "distance_tape": {"distance_scale": 0.005, "distance_bias": 0.02},
-    "inclinometer": {"hood_offset": 0.2},
-    "inclinometer_both_ways": {"hood_backlash": 0.2},
-    "calipers_tachometer": {"encoder_scale": 0.003},
-    "anemometer": {"wind_x": 0.2, "wind_y": 0.2, "wind_z": 0.2},
-    "delay_lamp": {"vision_latency": 0.005},
-    "ruler": {"track_scale": 0.003},
-    "plumb_line": {"track_tilt": 0.2, "track_roll": 0.2},
-    "stopwatch": {"track_clock": 0.003},
-}
 
 
 class Seal(Struct, frozen=True, forbid_unknown_fields=True):
@@ -293,14 +265,12 @@ class Believed(Struct):
 class Claims(Struct):
     """Claims about one world; further keys are ignored.
 
-    data: {file: SHA-256}. asked: requests for further shots, or for one measurement. rivals: {name: its claim}.
-    believed: the two beliefs of the sealed test.
+    data: {file: SHA-256}. rivals: {name: its claim}. believed: the two beliefs of the sealed test.
     """
 
     data: dict[str, str]
     finding: dict[str, Any]
     schema: Literal["truearc.claims/2"] = "truearc.claims/2"
-    asked: list[Any] = []
     rivals: dict[str, Any] = {}
     believed: Believed | None = None
 

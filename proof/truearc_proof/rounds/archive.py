@@ -1,8 +1,8 @@
 """The archive of a finished round in one file, without its data, which the opened seals reproduce byte for byte.
 
-First claims are recomputed from the released data alone, which shows that they do not use the truth. Only the same
-solver, identified by its hash, makes the same claims. The claims of rivals, follow-up requests and second claims are
-not recomputed.
+First claims are recomputed from the released data alone, and must earn the same marks, which shows that they do not use
+the truth. Only the same solver, identified by its hash, makes the same claims. The claims of rivals are not recomputed,
+and what older rounds have of further shots is not looked at.
 
 In two gradings of one world, the claims, the truth and the correctness must be identical, and numbers computed from the
 data must agree within the precision of different machines. The grader's own numbers (the ceiling that the data allow)
@@ -14,7 +14,7 @@ import io
 import lzma
 import shutil
 import tarfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,20 +24,19 @@ import numpy as np
 from truearc.errors import MAX_BYTES, InputError
 from truearc.sim.printed import Progress
 from truearc_proof.rounds import Room, Step, append, digest, grader, load_seal
-from truearc_proof.rounds.committer import answer, asked_of, entropy
-from truearc_proof.rounds.marks import Mark, said_set, said_stage
+from truearc_proof.rounds.committer import entropy
+from truearc_proof.rounds.marks import Mark
 from truearc_proof.rounds.solver import solver_id
 from truearc_proof.rounds.worlds import HOME, OWN, Drawn, drawn_of, make_data
 
-KEPT = ("ledger.jsonl", "grades.jsonl", "keeper", "claims", "again")
-NEARLY, ZERO = 1e-3, 1e-6             # of a number, and of one near 0: what other machines' rounding makes of a fit
+KEPT = ("ledger.jsonl", "grades.jsonl", "keeper", "claims")
+NEARLY = 1e-3                         # what other machines' rounding makes of a fit
 ROUNDING = 1e-6                       # of sums in another order; forty worlds marked again were off by 2e-12 at most
 # Of a chance drawn 2000 times, threshold and all, twice: drawn by six seeds in sixteen worlds it had a standard
 # deviation of .023 at most, and two were .06 apart at most; of 24 published ones the worst was off by .04.
 DRAWN = 0.08
-TOLERANCE: Mapping[str, float] = {"strength": ROUNDING, "error": ROUNDING, "off_m": ROUNDING,
-                                  "allowed": DRAWN}
-ABSENT = "absent"
+TOLERANCE: Mapping[str, float] = {"error": ROUNDING, "off_m": ROUNDING, "allowed": DRAWN}
+SOLVED_AGAIN = dict.fromkeys((*TOLERANCE, "p_value", "said", "unexplained"), NEARLY)
 FITTED = ("alias", "rivals")          # hang on which terms the fits cannot tell apart
 
 
@@ -100,18 +99,15 @@ def unpack(path: Path, room: Room) -> None:
 def remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
     """Recreate a world's data; return what differs from the commitment."""
     drawn = _drawn(room, name)
-    for directory in (room.data(name), room.more(name)):
-        shutil.rmtree(directory, ignore_errors=True)
-        directory.parent.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(room.data(name), ignore_errors=True)
+    room.data(name).parent.mkdir(parents=True, exist_ok=True)
     make_data(drawn, room.data(name))
-    if Step.ANSWERED in done:
-        answer(drawn, asked_of(room, name), room.more(name))
     return grader.check_world(room, name, done)
 
 
 def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = None,
                 remake: Callable[[Room, str, dict[str, str]], list[str]] = remake,
-                mark: Callable[[Path, tuple[Drawn, bool]], grader.Graded] = grader.mark_world) -> Checked:
+                mark: Callable[[Path, Drawn], grader.Graded] = grader.mark_world) -> Checked:
     """Recreate the data of `worlds` worlds, compare all hashes, and mark them again.
 
     The sample is drawn from the seed; without one, from entropy, so that no player can predict it. For all worlds,
@@ -122,7 +118,9 @@ def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = 
     unlike = [*grader.wrong_marks(room.grades, steps), *grader.missing_marks(room.grades, steps)]
     wrong += [*grader.left_out(room, steps), *grader.check_draw(room, steps), *unlike]
     seed = entropy() if seed is None else seed
-    chosen = _sample([name for name in steps if name != HOME], worlds, seed)
+    names = [name for name in steps if name != HOME]
+    places = np.random.default_rng(seed).choice(len(names), min(worlds, len(names)), replace=False)
+    chosen = tuple(names[place] for place in sorted(places))
     marked = {} if unlike else {one.world: one for one in grader.graded_of(room)}
     off = dict.fromkeys(TOLERANCE, 0.0)
     for number, name in enumerate([*([HOME] if HOME in steps else []), *chosen]):
@@ -130,9 +128,8 @@ def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = 
         changed = remake(room, name, steps[name])
         wrong += changed
         if name in marked and not changed:
-            again = Step.CLAIMED_AGAIN in steps[name]
-            compared = compare_gradings(marked[name], mark(room.root, (_drawn(room, name), again)),
-                               solver_of(room, name) == solver_id())
+            compared = compare_gradings(marked[name], mark(room.root, _drawn(room, name)),
+                                        solver_of(room, name) == solver_id())
             wrong += [f"{room.claims(name)}: is marked otherwise now: {one}" for one in compared.other]
             off = {number: max(far, compared.off[number]) for number, far in off.items()}
     progress(1.0, f"{len(chosen)} worlds made again")
@@ -144,20 +141,14 @@ def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = 
 def _check_papers(room: Room, name: str, done: dict[str, str]) -> list[str]:
     wrong = [] if load_seal(room.seal(name)).commitment == done.get(Step.SEALED) else [
         f"{room.seal(name)}: is not what was sealed"]
-    for step, path in ((Step.CLAIMED, room.claims(name)), (Step.CLAIMED_AGAIN, room.again(name))):
-        if step in done and (not path.is_file() or digest(path.read_bytes()) != done[step]):
-            wrong.append(f"{path}: is not what was claimed")
+    path = room.claims(name)
+    if Step.CLAIMED in done and (not path.is_file() or digest(path.read_bytes()) != done[Step.CLAIMED]):
+        wrong.append(f"{path}: is not what was claimed")
     return wrong
 
 
 def _drawn(room: Room, name: str) -> Drawn:
     return drawn_of(load_seal(room.seal(name)).world, room.seal(name))
-
-
-def _sample(names: Sequence[str], count: int, seed: int) -> tuple[str, ...]:
-    """Draw `count` of them, in their order."""
-    places = np.random.default_rng(seed).choice(len(names), min(count, len(names)), replace=False)
-    return tuple(names[place] for place in sorted(places))
 
 
 def give_away(room: Room, names: Sequence[str], away: Path) -> Room:
@@ -176,42 +167,11 @@ def solver_of(room: Room, name: str) -> str:
 
 
 def compare_claims(room: Room, other: Room, name: str) -> tuple[str, ...]:
-    """Return a sentence for each difference between the claims; numbers may be off by NEARLY, as fits are between
-    machines. Their keys are open; of marks, each field has a tolerance of its own."""
-    was, now = (dict(_leaves("", _told(msgspec.json.decode(one.claims(name).read_bytes())))) for one in (room, other))
-    return tuple(f"{room.claims(name)}: claims {key} {was.get(key, ABSENT)!r:.60}; solved again, it is "
-                 f"{now.get(key, ABSENT)!r:.60}" for key in {**was, **now}
-                 if not _same(was.get(key, ABSENT), now.get(key, ABSENT)))
-
-
-def _told(claims: Mapping[str, Any]) -> dict[str, Any]:
-    """What marks are made of. Names by name: two as likely as each other come in either order."""
-    finding = claims["finding"]
-    where, unknown = finding.get("where") or {}, finding.get("unknown") or {}
-    what = {one["term"]: [one.get("probability"), one.get("parameters")] for one in finding.get("what") or ()}
-    also = [sorted(one.get("set") or ()) for one in finding.get("also") or ()]
-    return {"verdict": finding["verdict"], "found": finding["mismatch"]["found"],
-            "p_value": finding["mismatch"].get("p_value"), "set": sorted(said_set(finding)), "what": what, "also": also,
-            "stage": said_stage(where), "goes with": [where.get("covariate"), where.get("direction"),
-                                                      sorted(where.get("inseparable") or ()),
-                                                      unknown.get("covariate"), unknown.get("direction")],
-            "fit": finding.get("fit"), "believed": claims.get("believed")}
-
-
-def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """(place, value) of what plain JSON values are made of in the end, an empty list or object as such."""
-    if isinstance(value, dict | list) and value:
-        for name, one in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _leaves(f"{key}.{name}".lstrip("."), one)
-    else:
-        yield key, value
-
-
-def _same(was: Any, now: Any) -> bool:
-    numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (was, now))
-    if not numbers:
-        return type(was) is type(now) and bool(was == now)
-    return bool(abs(was - now) <= NEARLY * abs(was) + ZERO)
+    """Return a sentence for each mark that claims about a world in the other round would get otherwise; numbers may be
+    off by NEARLY, as fits are between machines."""
+    was, now = (grader.mark_world(one.root, _drawn(room, name)) for one in (room, other))
+    return tuple(f"{room.claims(name)}: solved again, its {line}"
+                 for line in compare_gradings(was, now, tolerance=SOLVED_AGAIN).other)
 
 
 class Compared(NamedTuple):
@@ -222,31 +182,28 @@ class Compared(NamedTuple):
     off: Mapping[str, float]
 
 
-def compare_gradings(was: grader.Graded, now: grader.Graded, fits_alike: bool = True) -> Compared:
+def compare_gradings(was: grader.Graded, now: grader.Graded, fits_alike: bool = True,
+                     tolerance: Mapping[str, float] = TOLERANCE) -> Compared:
     """Compare two gradings of one world, field by field.
 
-    Each of TOLERANCE has a tolerance of its own, and its largest difference is reported even within it; all others
-    must be equal.
+    The largest difference of each number with a tolerance is reported even within it; all others must be equal.
 
     Args:
         was: As published.
         now: As marked again.
         fits_alike: Both by one state of the solver, so that its fits are the same.
+        tolerance: By field.
     """
-    other, off = [], dict.fromkeys(TOLERANCE, 0.0)
-    for when, before, after in (("", was.first, now.first), ("with further shots: ", was.again, now.again)):
-        if before is None or after is None:
-            other += [f"{when}was marked only once"] if before is not after else []
+    other, off = [], dict.fromkeys(tolerance, 0.0)
+    for name in Mark.__struct_fields__:
+        old, new = getattr(was.first, name), getattr(now.first, name)
+        far = _far(old, new) if name in tolerance else None
+        if far is not None:
+            off[name] = max(off[name], far)
+        if not fits_alike and (name in tolerance or name in FITTED):
             continue
-        for name in Mark.__struct_fields__:
-            old, new = getattr(before, name), getattr(after, name)
-            far = _far(old, new) if name in TOLERANCE else None
-            if far is not None:
-                off[name] = max(off[name], far)
-            if not fits_alike and (name in TOLERANCE or name in FITTED):
-                continue
-            if (far is None and old != new) or (far is not None and not far <= TOLERANCE[name]):
-                other.append(f"{when}{name} is {new!r}, was {old!r}")
+        if (far is None and old != new) or (far is not None and not far <= tolerance[name]):
+            other.append(f"{name} is {new!r}, was {old!r}")
     return Compared(tuple(other), off)
 
 

@@ -8,8 +8,6 @@ For external worlds, the truth stated by their makers is sealed with their data.
 graded is refused.
 """
 
-import math
-import operator
 import os
 import secrets
 import shutil
@@ -28,16 +26,11 @@ from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
 from truearc_proof.rounds import (
-    TOOLS,
     Room,
     Step,
     alone,
     append,
-    canonical,
     check_data,
-    digest,
-    hash_files,
-    load_claims,
     load_seal,
     make_seal,
     save_seal,
@@ -46,7 +39,6 @@ from truearc_proof.rounds.worlds import (
     ENGINES,
     FIRST_SEED,
     HOME,
-    NUMPY,
     OWN,
     PARAMETER,
     Drawn,
@@ -54,19 +46,12 @@ from truearc_proof.rounds.worlds import (
     drawn_of,
     home_of,
     make_data,
-    make_more,
-    make_reading,
 )
-from truearc_proof.truth.generate import Asked
 
-MOST_CONFIGURATIONS, MOST_SHOTS = 5, 100     # of a follow-up
 AT_ONCE = 8                           # worlds made between two entries in the ledger
 TAKEN = (HOME, "round")               # home: MuJoCo's unmodified robot; keeper/round.json: how a round was drawn
 EFFECTS = {"clean": (0, 0), "dirty": (0, 0), "one": (1, 1), "alias": (1, 1), "decoy": (1, 1), "two": (2, 2),
            "off": (1, None)}          # of a kind, at least and at most
-
-
-Wanted = list[Asked] | str            # configurations, or the id of one instrument
 
 
 class RoundPlan(Struct, frozen=True, forbid_unknown_fields=True):
@@ -124,84 +109,6 @@ def _seal_drawn(room: Room, worlds: tuple[Drawn, ...], progress: Progress, worke
                 append(room.ledger, Step.SEALED, drawn.name, seal.commitment)
             _move(half / drawn.name, room.data(drawn.name))      # given away once it is committed to
     progress(1.0, f"{len(worlds)} worlds sealed")
-
-
-def answer_round(room: Room, progress: Progress, workers: int | None = None) -> None:
-    """Shoot what the solver has requested, in every world that is claimed and not opened yet."""
-    with alone(room.root):
-        _answer_claimed(room, progress, workers)
-
-
-def _answer_claimed(room: Room, progress: Progress, workers: int | None) -> None:
-    steps, half = room.steps(), _half(room)
-    todo = [name for name, done in steps.items() if Step.CLAIMED in done and Step.OPENED not in done
-            and not (Step.ANSWERED in done and room.more(name).is_dir())]
-    drawn = {name: drawn_of(load_seal(room.seal(name)).world, room.seal(name)) for name in todo}
-    asked = {name: asked_of(room, name) for name in todo if drawn[name].engine != OWN}
-    todo = [name for name, wanted in asked.items() if wanted and can_answer(drawn[name], wanted)]
-    for first in range(0, len(todo), AT_ONCE):
-        batch = todo[first:first + AT_ONCE]
-        progress(first / len(todo), "more shots are given")
-        for name in batch:
-            if Step.ASKED not in steps[name]:
-                requests = load_claims(room.claims(name)).asked
-                append(room.ledger, Step.ASKED, name, digest(canonical(requests)))
-        fan_out(partial(_answer, half), [(drawn[name], asked[name]) for name in batch], workers=workers)
-        for name in batch:
-            if Step.ANSWERED not in steps[name]:
-                append(room.ledger, Step.ANSWERED, name, digest(canonical(hash_files(half / name))))
-            _move(half / name, room.more(name))
-    progress(1.0, f"{len(todo)} worlds shot again")
-
-
-def can_answer(drawn: Drawn, asked: Wanted) -> bool:
-    """Return whether the keeper can shoot or measure this world: no external one; only NumPy's are measured."""
-    return drawn.engine == NUMPY or (drawn.engine != OWN and not isinstance(asked, str))
-
-
-def asked_of(room: Room, world: str) -> Wanted:
-    """Return the requests of a world's claims, configurations or one measurement; InputError beyond the rules."""
-    path = room.claims(world)
-    try:
-        claims = load_claims(path)
-        if claims.asked and "measure" in claims.asked[0]:
-            return _tool(claims.asked)
-        asked = [_asked(one) for one in claims.asked]
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: asked: {error}") from error
-    if len(asked) > MOST_CONFIGURATIONS or sum(one.shots for one in asked) > MOST_SHOTS or any(
-            one.shots < 1 for one in asked):
-        raise InputError(f"{path}: asked: at most {MOST_CONFIGURATIONS} configurations and {MOST_SHOTS} shots")
-    return asked
-
-
-def _tool(given: list[dict[str, str]]) -> str:
-    (only,) = given
-    (tool,) = only.values()
-    if tool not in TOOLS:
-        raise ValueError(f"measure: there is no {tool!r}; there are {'; '.join(TOOLS)}")
-    return tool
-
-
-def _asked(one: dict[str, Any]) -> Asked:
-    asked = Asked(**one)              # as it was claimed, to the letter: its hash is entered
-    if not all(map(math.isfinite, asked)):
-        raise ValueError("a number in it is not finite")
-    operator.index(asked.shots)
-    return asked
-
-
-def _answer(half: Path, job: tuple[Drawn, Wanted]) -> None:
-    drawn, asked = job
-    answer(drawn, asked, _emptied(half / drawn.name))
-
-
-def answer(drawn: Drawn, asked: Wanted, directory: Path) -> None:
-    """Write what was requested; the same world and request give the same bytes."""
-    if isinstance(asked, str):
-        make_reading(drawn, asked, directory)
-    else:
-        make_more(drawn, asked, directory)
 
 
 def load_plan(room: Room) -> RoundPlan:

@@ -4,7 +4,7 @@ If any file of the round was changed, the grader refuses the whole round. Its ta
 when the worlds were marked.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,12 +25,11 @@ from truearc_proof.rounds import (
     canonical,
     check_data,
     digest,
-    hash_files,
     load_claims,
     load_seal,
 )
 from truearc_proof.rounds.committer import load_plan
-from truearc_proof.rounds.marks import MEASUREMENT, SHOTS, Mark, Measured, Unseen, mark, measure, off_m, shoot_unseen
+from truearc_proof.rounds.marks import Mark, mark, measure, off_m, shoot_unseen
 from truearc_proof.rounds.worlds import HOME, OWN, Drawn, drawn_of
 
 Steps = Mapping[str, Mapping[str, str]]
@@ -51,15 +50,6 @@ def save_mark(room: Room, world: str, line: Any, done: Mapping[str, str]) -> Non
     elif done[Step.GRADED] != hash_mark(line):
         raise InputError(f"{room.grades}: {world}: its line is missing, and it is marked otherwise than it was")
     append_line(room.grades, line)
-
-
-def load_marks(room: Room) -> list[dict[str, Any]]:
-    """Return all lines; InputError if one differs from the ledger or is missing."""
-    steps = room.steps()
-    wrong = [*wrong_marks(room.grades, steps), *missing_marks(room.grades, steps)]
-    if wrong:
-        raise InputError("\n".join(wrong))
-    return list(lines_of(room.grades))
 
 
 def wrong_marks(path: Path, steps: Steps) -> list[str]:
@@ -87,18 +77,16 @@ def worlds_of(path: Path) -> set[str]:
 
 
 class Graded(Struct, frozen=True):
-    """Marks of one world: of what was said at first, and, where more shots were asked for and given, then."""
+    """Marks of one world; older rounds also have those of what was said after further shots, which are left out."""
 
     world: str
     first: Mark
-    again: Mark | None = None
 
 
 def grade_round(room: Room, progress: Progress, workers: int | None = None, so_far: bool = False) -> tuple[Graded, ...]:
     """Return the marks of every world, each opened and marked once; InputError names tampered and unclaimed worlds.
 
-    so_far: the round goes on: worlds that are not claimed, or not again though more shots were given, are waited for.
-    Otherwise the latter are marked by their first claims alone.
+    so_far: the round goes on: worlds that are not claimed are waited for.
     """
     with alone(room.root):
         mend(room.grades)
@@ -109,19 +97,17 @@ def grade_round(room: Room, progress: Progress, workers: int | None = None, so_f
                       "round goes on)" for name in unclaimed(steps)]
         if wrong:
             raise InputError("\n".join(wrong))
-        _mark_claimed(room, steps, progress, workers, so_far)
+        _mark_claimed(room, steps, progress, workers)
     return graded_of(room)
 
 
-def _mark_claimed(room: Room, steps: Steps, progress: Progress, workers: int | None, so_far: bool) -> None:
+def _mark_claimed(room: Room, steps: Steps, progress: Progress, workers: int | None) -> None:
     known = worlds_of(room.grades)
-    todo = [name for name, done in steps.items() if Step.CLAIMED in done and name != HOME and name not in known
-            and not (so_far and Step.ANSWERED in done and not {Step.CLAIMED_AGAIN, Step.OPENED} & set(done))]
+    todo = [name for name, done in steps.items() if Step.CLAIMED in done and name != HOME and name not in known]
     for name in todo:
         if Step.OPENED not in steps[name]:
             append(room.ledger, Step.OPENED, name, digest(room.seal(name).read_bytes()))
-    jobs = [(drawn_of(load_seal(room.seal(name)).world, room.seal(name)), Step.CLAIMED_AGAIN in steps[name])
-            for name in todo]
+    jobs = [drawn_of(load_seal(room.seal(name)).world, room.seal(name)) for name in todo]
     fan_out(partial(mark_world, room.root.resolve()), jobs,
             lambda done, note: progress(done, "worlds are opened and marked"), workers,
             lambda job, one: save_mark(room, one.world, one, steps[one.world]))
@@ -165,7 +151,7 @@ def check_draw(room: Room, steps: Steps, so_far: bool = False) -> list[str]:
 
 
 def check_world(room: Room, world: str, done: Mapping[str, str]) -> list[str]:
-    """Return a sentence for each change after the commitment: of seal, data, claims, requests and answers."""
+    """Return a sentence for each change after the commitment: of seal, data and claims."""
     seal = load_seal(room.seal(world))
     wrong = [] if seal.commitment == done.get(Step.SEALED) else [f"{room.seal(world)}: is not what was sealed"]
     if seal.world.get("name") != world:
@@ -175,15 +161,6 @@ def check_world(room: Room, world: str, done: Mapping[str, str]) -> list[str]:
     wrong += check_data(seal, room.data(world))
     if Step.CLAIMED in done:
         wrong += _check_claims(room.claims(world), done[Step.CLAIMED], seal.data)
-    asked = load_claims(room.claims(world)).asked if Step.ASKED in done and not wrong else None
-    if asked is not None and digest(canonical(asked)) != done[Step.ASKED]:
-        wrong.append(f"{room.claims(world)}: asked for something else")
-    given = hash_files(room.more(world)) if Step.ANSWERED in done else {}
-    if Step.ANSWERED in done and digest(canonical(given)) != done[Step.ANSWERED]:
-        wrong.append(f"{room.more(world)}: is not what was given")
-    if Step.CLAIMED_AGAIN in done:
-        more = {f"more/{name}": value for name, value in given.items()}
-        wrong += _check_claims(room.again(world), done[Step.CLAIMED_AGAIN], seal.data | more)
     return wrong
 
 
@@ -194,34 +171,28 @@ def _check_claims(path: Path, claimed: str, data: dict[str, str]) -> list[str]:
     return [] if load_claims(path).data == data else [f"{path}: claims are about other data than were given"]
 
 
-def mark_world(root: Path, job: tuple[Drawn, bool]) -> Graded:
-    """Return one world's marks; job: what was sealed, and whether there are second claims."""
-    room, (drawn, twice) = Room(root), job
-    paths = [room.claims(drawn.name), *([room.again(drawn.name)] if twice else [])]
-    tested = [load_claims(path).believed is not None for path in paths]
-    measured = measure(drawn, load_dataset(room.data(drawn.name)), any(tested))
-    unseen = shoot_unseen(drawn) if any(tested) else None
-    marks = [_mark(path, drawn, measured, unseen) for path in paths]
-    return Graded(drawn.name, marks[0], marks[1] if twice else None)
-
-
-def _kind(asked: Sequence[Any]) -> str:
-    return "" if not asked else MEASUREMENT if "measure" in asked[0] else SHOTS
-
-
-def _mark(path: Path, drawn: Drawn, measured: Measured, unseen: Unseen | None) -> Mark:
+def mark_world(root: Path, drawn: Drawn) -> Graded:
+    """Return one world's marks; drawn: what was sealed."""
+    room = Room(root)
+    path = room.claims(drawn.name)
     claims = load_claims(path)
+    measured = measure(drawn, load_dataset(room.data(drawn.name)), claims.believed is not None)
+    unseen = shoot_unseen(drawn) if claims.believed is not None else None
     try:
-        told = structs.replace(mark(drawn, claims.finding, measured, claims.rivals), asked=_kind(claims.asked))
+        told = mark(drawn, claims.finding, measured, claims.rivals)
         if claims.believed is None or unseen is None:
-            return told
+            return Graded(drawn.name, told)
         before = measured.before or from_table(claims.believed.before, str(path))
-        beliefs = (before, from_table(claims.believed.after, str(path)), measured.oracle)
-        return structs.replace(told, off_m=tuple(off_m(one, unseen) for one in beliefs if one is not None))
+        beliefs = (before, from_table(claims.believed.after, str(path)))
+        return Graded(drawn.name, structs.replace(told, off_m=tuple(off_m(one, unseen) for one in beliefs)))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise InputError(f"{path}: finding: {type(error).__name__}: {error}") from error
 
 
 def graded_of(room: Room) -> tuple[Graded, ...]:
-    """Return all marks of a round, by world, in its order. InputError if they differ from the ledger."""
-    return tuple({line["world"]: msgspec.convert(line, Graded) for line in load_marks(room)}.values())
+    """Return all marks of a round, by world, in its order. InputError if one differs from the ledger or is missing."""
+    steps = room.steps()
+    wrong = [*wrong_marks(room.grades, steps), *missing_marks(room.grades, steps)]
+    if wrong:
+        raise InputError("\n".join(wrong))
+    return tuple({line["world"]: msgspec.convert(line, Graded) for line in lines_of(room.grades)}.values())

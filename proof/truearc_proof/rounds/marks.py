@@ -18,12 +18,12 @@ import numpy as np
 from msgspec import Struct, structs
 
 from truearc.sim.data.dataset import Dataset, circumstances_of, counts_shots
-from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, one_step
+from truearc.sim.discover.select.terms import ALIAS, efficient, one_step
 from truearc.sim.infer.belief import Belief, along, point_belief
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher, LauncherFit, coefficients_of
 from truearc.sim.infer.likelihood.data import every_column
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, plane_terms
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc_proof.rounds.worlds import (
@@ -43,53 +43,37 @@ from truearc_proof.rounds.worlds import (
     world_of,
 )
 from truearc_proof.truth import world as truth
-from truearc_proof.truth.generate import play, shift_m
+from truearc_proof.truth.generate import play
 
 # --- what the data allow, and sealed shots
 
 FALSE_ALARM = 0.05
 DRAWS = 2000
-APART = 1 << 41                       # of its seeds from those of the world's own season, and of its follow-up's
+APART = 1 << 41                       # of its seeds from those of the world's own season
 
 
-class Ceiling(NamedTuple):
-    """Chances that the largest of all terms' scores is significant, and that besides the likeliest term is the true
-    one, one of its class, one of its stage. `alike`: the terms of its class: those that the design lists for the level
-    and those whose slopes over these very shots correlate by ALIAS or more."""
+def ceiling_of(evidence: ScoreTable, level: str, name: str, amplitude: float, seed: int
+               ) -> tuple[float, tuple[str, ...]] | None:
+    """Return the chance that the largest of all terms' scores is significant for the term's column `name` at its true
+    amplitude, and the terms of its class; None if it was not tested.
 
-    detected: float
-    top: float
-    alias: float
-    stage: float
-    alike: tuple[str, ...]
-
-
-def ceiling_of(evidence: ScoreTable, level: str, name: str, amplitude: float, seed: int) -> Ceiling | None:
-    """Return the ceiling for the term's column `name` at its true amplitude; None if it was not tested.
-
-    Efficient scores of terms (fitted parameters projected out) are drawn as N(information x amplitude, information);
-    the threshold is that of the largest of as many correlated scores of noise.
+    The class: terms that the design lists for the level, and those whose slopes over these very shots correlate by
+    ALIAS or more. Efficient scores of terms (fitted parameters projected out) are drawn as N(information x amplitude,
+    information); the threshold is that of the largest of as many correlated scores of noise.
     """
     columns = np.array([one.column for one in one_step(evidence)[0] if one.visible], dtype=int)
     names = [evidence.columns[k].name for k in columns]
     if name not in {column.name for column in evidence.columns[:evidence.first_shared]}:
         return None
     if name not in names:
-        return Ceiling(FALSE_ALARM, 0.0, 0.0, 0.0, ())
+        return FALSE_ALARM, ()
     left = efficient(evidence, columns)[1]
     noise = _draw(left, np.random.default_rng(seed))
     sd = np.sqrt(np.diag(left))
     critical = np.quantile(np.abs(noise / sd).max(1), 1.0 - FALSE_ALARM)
     scores = noise + left[:, names.index(name)] * amplitude
-    nats = np.stack([nats_for(scores[:, j], float(left[j, j]), evidence.columns[k].usual)
-                     for j, k in enumerate(columns)], axis=1)
-    detected, best = np.abs(scores / sd).max(1) > critical, nats.argmax(1)
-    alike = _correlated(left, names, name, level)
-    stages = [evidence.columns[k].stage for k in columns]
-    right = ([one == name for one in names], [one == name or _term(one) in alike for one in names],
-             [stage == stages[names.index(name)] for stage in stages])
-    first, up_to_alias, in_stage = (float((detected & np.array(one)[best]).mean()) for one in right)
-    return Ceiling(float(detected.mean()), first, up_to_alias, in_stage, alike)
+    detected = np.abs(scores / sd).max(1) > critical
+    return float(detected.mean()), _correlated(left, names, name, level)
 
 
 def _correlated(left: Array, names: list[str], name: str, level: str) -> tuple[str, ...]:
@@ -112,38 +96,15 @@ def _draw(covariance: Array, rng: np.random.Generator) -> Array:
     return drawn
 
 
-def strength_of(evidence: ScoreTable, shift_m: Array) -> float | None:
-    """Return the chi-squared (lambda) by which outcomes show an effect that moves the heights at the plane by shift_m
-    (one value per shot), with fitted parameters projected out.
-
-    None where tracks or measured exits speak too, and where there are no outcomes: heights are not all there is then.
-    """
-    plane, shared = evidence.plane, evidence.shared
-    if plane is None or evidence.bend.any():
-        return None
-    mine = np.nan_to_num(shift_m[evidence.rows[plane.rows]])
-    none = np.zeros((len(mine), 1))
-    deal = evidence.deal.some(plane.rows)
-    by, wider, spread = (np.concatenate([first, deal.spread(part)[:, shared]], axis=1) for first, part in (
-        (mine[:, None], plane.by_column), (none, plane.wider_by), (none, plane.log_spread_by)))
-    info = plane_terms(replace(plane, by_column=by, wider_by=wider, log_spread_by=spread), plane.seen, plane.mean_m,
-                       plane.spread_m)[1].sum(0)
-    taken = np.linalg.solve(info[1:, 1:] + evidence.precision, info[1:, 0])
-    return float(info[0, 0] - info[0, 1:] @ taken)
-
-
 class Measured(NamedTuple):
-    """allowed: as Ceiling, of one hidden effect of the catalogue; alike: terms of its
-    class in these data; best_sd: least standard error of its amplitude; strength: lambda of an effect that no catalogue
-    has, where only heights speak of it.
-    before, oracle: what is believed, fitted by the grader, without the true term and with it."""
+    """allowed: chance that one hidden effect of the catalogue is found; alike: terms of its class in these data;
+    best_sd: least standard error of its amplitude.
+    before: what is believed, fitted by the grader without the true term."""
 
     allowed: tuple[float, ...] | None = None
     alike: tuple[str, ...] = ()
     best_sd: float | None = None
-    strength: float | None = None
     before: Belief | None = None
-    oracle: Belief | None = None
 
 
 def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0) -> Measured:
@@ -157,31 +118,24 @@ def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0)
         return Measured()
     terms = dataset.facts.believe.terms
     fitted = fit_believed(Launcher.of(dataset, terms, BUILT_IN))
-    before = _believed(fitted.scores, terms)
+    before = point_belief(coefficients_of(fitted.scores, terms, BUILT_IN), among=BUILT_IN)
     return _of_one(drawn, dataset, fitted, seed)._replace(before=before) if single else Measured(before=before)
 
 
 def _of_one(drawn: Drawn, dataset: Dataset, fitted: LauncherFit, seed: int) -> Measured:
     (name, amount), = drawn.effects.items()
     if name not in PARAMETER:
-        return Measured(strength=strength_of(fitted.scores, shift_m(world_of(drawn))))
+        return Measured()
     column, amplitude = f"{name}.{PARAMETER[name][0]}", PARAMETER[name][1](amount)
     ceiling = ceiling_of(fitted.scores, drawn.level, column, amplitude, seed)
     if name in WEAR and not counts_shots(dataset.shots):       # it goes with balls, which are not told apart
-        ceiling = Ceiling(FALSE_ALARM, 0.0, 0.0, 0.0, ())
+        ceiling = FALSE_ALARM, ()
     if ceiling is None:
         return Measured()
     index = np.array([fitted.scores.index(column)])
     information = float(efficient(fitted.scores, index)[1][0, 0])
     best_sd = information**-0.5 if information > 0.0 else None
-    told = fitted.with_terms((column,), np.array([amplitude]))
-    return Measured(tuple(ceiling[:4]), ceiling.alike, best_sd,
-                    oracle=_believed(told.scores, dataset.facts.believe.terms))
-
-
-def _believed(evidence: ScoreTable, terms: tuple[str, ...]) -> Belief:
-    """The point belief at the evidence's point, of these terms and those fitted with them."""
-    return point_belief(coefficients_of(evidence, terms, BUILT_IN), among=BUILT_IN)
+    return Measured(ceiling[:1], ceiling[1], best_sd)
 
 
 class Unseen(NamedTuple):
@@ -304,7 +258,6 @@ def in_catalogue(name: str, amount: float) -> tuple[str, float] | None:
 # --- marks
 
 NULLS = ("clean", "dirty")
-SHOTS, MEASUREMENT = "shots", "measurement"
 
 
 class Mark(Struct, frozen=True):
@@ -313,11 +266,11 @@ class Mark(Struct, frozen=True):
     first: the first name is right. alias: or of a class with the right one, be it a decoy's
     (`up_to_alias` takes those out). covered: the set has a right name. both: of two effects both are
     named. error: amplitude of the right name, less the truth, over the best standard error that anybody could have
-    (Cramer and Rao). allowed: chances that the data allow to find, name, name up to alias, place. goes_with:
+    (Cramer and Rao). allowed: the chance that the data allow to find it. goes_with:
     covariate and direction of what is in no catalogue. right: names of the catalogue that would be right. off_m: RMS
-    errors of heights in the sealed test, by what was believed, by what was adopted, and, where the grader knows it,
-    by what is believed with the true term. asked: SHOTS, a MEASUREMENT or "". rivals: of others put to the same
-    data, whether each says something, and of its first name what `first` and `alias` are of ours, decoys taken out.
+    errors of heights in the sealed test, by what was believed and by what was adopted. rivals: of others put to the
+    same data, whether each says something, and of its first name what `first` and `alias` are of ours, decoys taken
+    out.
     said, unexplained: probabilities that were claimed of the first name, and of a change that no term explains.
     """
 
@@ -327,7 +280,6 @@ class Mark(Struct, frozen=True):
     level: str
     shots: int
     hidden: tuple[str, ...]
-    strength: float | None
     found: bool
     p_value: float | None
     verdict: str
@@ -345,7 +297,6 @@ class Mark(Struct, frozen=True):
     right: tuple[str, ...] = ()
     rivals: dict[str, tuple[bool, bool | None, bool | None]] = {}
     off_m: tuple[float, ...] | None = None
-    asked: str = ""
     said: float | None = None
     unexplained: float | None = None
 
@@ -360,7 +311,7 @@ def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str
     further = [one["what"][0]["term"] for one in finding.get("also") or () if one.get("set") and one["what"]]
     said = said_set(finding) if found else []
     plain = Mark(drawn.name, drawn.engine, drawn.kind, drawn.level, drawn.shots, hidden_of(drawn),
-                 _strength(drawn, measured), found, finding["mismatch"].get("p_value"),
+                 found, finding["mismatch"].get("p_value"),
                  str(finding["verdict"]), tuple(said) if finding["verdict"] in ("named", "set") else (),
                  len(said) if said else None)
     right, stages = right_names(drawn), right_stages(drawn)
@@ -381,11 +332,6 @@ def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str
     if drawn.kind == "two":
         more["both"] = all({*names, *further} & set(each) for each in _right_of_each(drawn))
     return structs.replace(plain, **more, **_size(drawn, finding, measured))
-
-
-def _strength(drawn: Drawn, measured: Measured) -> float | None:
-    """Lambda in these very data where it was worked out, else by the ladder's table."""
-    return min(drawn.strength.values(), default=None) if measured.strength is None else measured.strength
 
 
 def _alike(drawn: Drawn, names: Sequence[str], right: Sequence[str], measured: Measured) -> bool:

@@ -11,7 +11,7 @@ at the same time as the next solver.
 import hashlib
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -25,20 +25,18 @@ import truearc.api
 import truearc.sim
 import truearc_proof
 from truearc.sim.check.check import CHECKS
-from truearc.sim.data.dataset import join_datasets
 from truearc.sim.discover.investigate import make_belief
-from truearc.sim.infer.belief import as_table, from_table
+from truearc.sim.infer.belief import as_table
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
 from truearc_proof.rivals import find_rival
 from truearc_proof.rivals.claim import believed_of
-from truearc_proof.rounds import SCHEMA, TOOLS, Room, Step, alone, append, canonical, digest, hash_files
-from truearc_proof.rounds.worlds import HOME, MEASURED
+from truearc_proof.rounds import SCHEMA, Room, Step, alone, append, canonical, digest, hash_files
+from truearc_proof.rounds.worlds import HOME
 
 FALSE_ALARM = 0.05
 AT_HOME = ("gravity", "drag", "magnus")      # what is believed of MuJoCo's robot before its unmodified session
-MORE_SHOTS, MORE_CONFIGURATIONS = 100, 5     # at most, in a follow-up
 OPENING = ("open", "os.listdir", "os.scandir", "os.rename", "os.link", "os.symlink")
 # Patterns of the files below each package that the solver's hash covers; the emulated world is not among them.
 SOURCES = {
@@ -48,12 +46,14 @@ SOURCES = {
     truearc_proof: ("parallel.py", "rounds/__init__.py", "rounds/solver.py"),
 }
 
+Home = tuple[ta.Dataset, ta.Belief]   # a session, and the belief from it
+
 _forbidden: list[str] = []
 
 
 def solve_round(room: Room, progress: Progress, workers: int | None = None,
                 rivals: tuple[str, ...] = ()) -> None:
-    """Make claims for every sealed world without one in the ledger, and second claims where more shots were given.
+    """Make claims for every sealed world without one in the ledger.
 
     rivals: others (truearc_proof.rivals) that receive the same tracks. Call it in a process of its own: afterwards this
     process can no longer open any of the keeper's files. InputError for rivals if no world has tracks.
@@ -68,59 +68,36 @@ def _solve_sealed(room: Room, progress: Progress, workers: int | None, rivals: t
     names = [name for name, done in steps.items() if Step.SEALED in done and Step.OPENED not in done and name != HOME]
     if rivals and names and not any(any(room.data(name).glob("tracks.*")) for name in names):
         raise ta.InputError(f"--rivals: {room.root / 'data'}: no world has tracks, and others are put to tracks alone")
-    first = [name for name in names if Step.CLAIMED not in steps[name]]
-    again = [name for name in names if Step.ANSWERED in steps[name] and Step.CLAIMED_AGAIN not in steps[name]]
-    if first + again and room.data(HOME).is_dir():
+    todo = [name for name in names if Step.CLAIMED not in steps[name]]
+    home = None
+    if todo and room.data(HOME).is_dir():         # once, not once a worker: it takes minutes
         progress(0.0, "the unmodified robot's session is discovered in")
-        _keep_home(room)
-    for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), Step.CLAIMED, room.claims),
-                                   (again, partial(solve_again, room.root.resolve()), Step.CLAIMED_AGAIN, room.again)):
-        fan_out(work, todo, partial(_tell, progress, f"worlds are discovered in ({step})"), workers,
-                partial(_claim, room, step, path))
+        session = ta.load_dataset(room.data(HOME))
+        home = session, _believed_after(session)
+    fan_out(partial(solve, room.root.resolve(), rivals, home), todo,
+            lambda done, note: progress(done, "worlds are discovered in"), workers, partial(_claim, room))
     progress(1.0, f"{len(names)} worlds claimed")
 
 
-def _tell(progress: Progress, what: str, done: float, note: str) -> None:
-    progress(done, what)
-
-
-def _claim(room: Room, step: str, path: Callable[[str], Path], world: str, claims: dict[str, Any]) -> None:
+def _claim(room: Room, world: str, claims: dict[str, Any]) -> None:
     """Written and entered, as soon as it is there."""
-    _write(path(world), claims)
-    append(room.ledger, step, world, digest(path(world).read_bytes()))
+    _write(room.claims(world), claims)
+    append(room.ledger, Step.CLAIMED, world, digest(room.claims(world).read_bytes()))
 
 
-def solve(root: Path, rivals: tuple[str, ...], world: str) -> dict[str, Any]:
-    """Return one world's claims, and those of rivals if there are tracks."""
+def solve(root: Path, rivals: tuple[str, ...], home: Home | None, world: str) -> dict[str, Any]:
+    """Return one world's claims, and those of rivals if there are tracks. home: of MuJoCo's unmodified robot."""
     room = Room(root)
     forbid(room.keeper)
     directory = room.data(world)
-    found, dataset = _discover(room, world, None)
+    dataset = ta.load_dataset(directory)
+    found = _discover(room, world, dataset, home)
     claims = {"schema": SCHEMA, "world": world, "solver": solver_id(), "data": hash_files(directory),
-              "finding": msgspec.json.decode(found.to_json()), "asked": asked_for(found, dataset),
-              **believed_by(found)}
+              "finding": msgspec.json.decode(found.to_json()), **believed_by(found)}
     believed = believed_of(found.investigation)
     if rivals and dataset.tracks is not None and believed is not None:
         claims["rivals"] = {name: msgspec.to_builtins(find_rival(name)(dataset, believed, 0)) for name in rivals}
     return claims
-
-
-def solve_again(root: Path, world: str) -> dict[str, Any]:
-    """Solve again with the requested shots."""
-    room = Room(root)
-    forbid(room.keeper)
-    reading = room.more(world) / MEASURED
-    found, _ = _discover(room, world, *((None, _read(reading)) if reading.exists() else (
-        ta.load_dataset(room.more(world)), None)))
-    more = {f"more/{name}": value for name, value in hash_files(room.more(world)).items()}
-    return {"schema": SCHEMA, "world": world, "solver": solver_id(),
-            "data": hash_files(room.data(world)) | more,
-            "finding": msgspec.json.decode(found.to_json()), "asked": [], **believed_by(found)}
-
-
-def _read(path: Path) -> dict[str, tuple[float, float]]:
-    read = msgspec.json.decode(path.read_bytes())["terms"]
-    return {term: (one["value"], one["sd"]) for term, one in read.items()}
 
 
 def believed_by(found: ta.Finding) -> dict[str, Any]:
@@ -132,42 +109,20 @@ def believed_by(found: ta.Finding) -> dict[str, Any]:
     return {"believed": {"before": as_table(before), "after": as_table(after)}}
 
 
-def _discover(room: Room, world: str, more: ta.Dataset | None,
-              measured: Mapping[str, tuple[float, float]] | None = None) -> tuple[ta.Finding, ta.Dataset]:
-    dataset = ta.load_dataset(room.data(world))
-    whole = dataset if more is None else join_datasets(dataset, more)
+def _discover(room: Room, world: str, dataset: ta.Dataset, home: Home | None) -> ta.Finding:
     if (room.data(world) / HOME).is_dir():                       # a foreign world's own practice
-        home = ta.load_dataset(room.data(world) / HOME)
-        belief = _believed_after(home)
-    elif dataset.rig.believe.terms:
-        return _ask(whole, measured=measured), whole
-    else:
-        home, belief = at_home(room)
-    return _ask(whole, measured=measured, belief=belief, since=home), whole
+        practice = ta.load_dataset(room.data(world) / HOME)
+        return _ask(dataset, belief=_believed_after(practice), since=practice)
+    if dataset.rig.believe.terms:
+        return _ask(dataset)
+    if home is None:
+        raise ta.InputError(f"{room.data(HOME)}: is missing: these worlds are to be compared with it")
+    return _ask(dataset, belief=home[1], since=home[0])
 
 
 def _ask(dataset: ta.Dataset, **known: Any) -> ta.Finding:
     """A finding of the built-in terms; what a plausibility check objects to is the world's own doing, and is noted."""
     return ta.discover(dataset, terms=BUILT_IN, seed=0, false_alarm=FALSE_ALARM, accept=CHECKS, **known)
-
-
-def asked_for(found: ta.Finding, dataset: ta.Dataset) -> list[dict[str, Any]]:
-    """Return requests if several names are left: one measurement, if it is likelier than more shots to leave only one;
-    else configurations to repeat, each once, with the number of shots."""
-    plan = ta.design_shots(dataset, found, shots=MORE_SHOTS, configurations=MORE_CONFIGURATIONS).plan
-    if "probability_after" not in plan:
-        return []
-    tool = next((one for one in plan["next"] if one["do"] == "measure" and one["instrument"] in TOOLS), None)
-    if tool is not None and tool["probability"] > plan["probability_after"] and found.investigation.belief is None:
-        return [{"measure": tool["instrument"]}]
-    return [_shots_like(dataset.shots.shot_id.index(one["like"]), one.get("pace", 1.0), one["shots"], dataset)
-            for one in plan["next"] if one["do"] == "shoot"]
-
-
-def _shots_like(row: int, pace: float, shots: int, dataset: ta.Dataset) -> dict[str, Any]:
-    distance, hood, ratio = (dataset.shots.number(name) for name in ("distance_m", "hood_deg", "motor_ratio"))
-    return {"distance_m": float(distance[row]), "hood_deg": float(hood[row]), "motor_ratio": float(pace * ratio[row]),
-            "shots": shots}
 
 
 def _write(path: Path, claims: dict[str, Any]) -> None:
@@ -178,34 +133,8 @@ def _write(path: Path, claims: dict[str, Any]) -> None:
     os.replace(half, path)
 
 
-def _keep_home(room: Room) -> None:
-    """Once a round, not once a worker: what the unmodified robot's session leaves to be believed takes minutes."""
-    if _kept_home(room) is None:
-        _write(room.home, {**_home_of(room), "belief": as_table(_believed_after(ta.load_dataset(room.data(HOME))))})
-
-
-def _kept_home(room: Room) -> ta.Belief | None:
-    """Return the belief in the round, None if another solver kept it or the data differ."""
-    kept = msgspec.json.decode(room.home.read_bytes()) if room.home.exists() else {}
-    return from_table(kept["belief"], str(room.home)) if _home_of(room).items() <= kept.items() else None
-
-
-def _home_of(room: Room) -> dict[str, Any]:
-    return {"solver": solver_id(), "data": hash_files(room.data(HOME))}
-
-
 def _believed_after(home: ta.Dataset) -> ta.Belief:
     return make_belief(_ask(home, believe=None if home.rig.believe.terms else AT_HOME).investigation)[0]
-
-
-@cache
-def at_home(room: Room) -> tuple[ta.Dataset, ta.Belief]:
-    """Return the unmodified robot's session, and the belief from it."""
-    directory = room.data(HOME)
-    if not directory.is_dir():
-        raise ta.InputError(f"{directory}: is missing: these worlds are to be compared with it")
-    home = ta.load_dataset(directory)
-    return home, _kept_home(room) or _believed_after(home)
 
 
 @cache

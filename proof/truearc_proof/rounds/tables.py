@@ -1,49 +1,56 @@
-"""Tables of a proof round: figures with Wilson's 95 % intervals, and targets that were set before the rounds."""
+"""Verdict and tables of a proof round: figures with Wilson's 95 % intervals, and targets set before the rounds."""
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import pairwise, product
+from itertools import product
 from operator import attrgetter
-from statistics import median
 from typing import Any, NamedTuple
 
 from truearc.sim.statistics import wilson
-from truearc_proof.rounds.marks import MEASUREMENT, NULLS, SHOTS, Mark, up_to_alias
+from truearc_proof.rounds.marks import NULLS, Mark, up_to_alias
 from truearc_proof.rounds.worlds import FOREIGN, MUJOCO, NUMPY, OWN
 from truearc_proof.table import Table
 from truearc_proof.truth.world import LEVELS
 
-VERDICTS = ("none", "named", "set", "unknown")
-GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases": ("alias",), "two": ("two",),
-          "in no catalogue": ("off",)}
 KINDS = {"one": "one effect", "two": "two effects", "alias": "aliases", "decoy": "with a decoy",
          "off": "in no catalogue"}
 CHANGED = {**KINDS, "one": "one thing changed", "two": "two things"}     # of MuJoCo's robot
-STEPS = (0.0, 1.0, 3.0, 7.0, 15.0, 35.0, 100.0, float("inf"))      # of lambda
-REQUESTS = {SHOTS: "shots", MEASUREMENT: "one measurement"}
 Question = Callable[[Mark], bool | None]
-Again = Sequence[tuple[Mark, Mark]]
 FOUND: Question = attrgetter("found")
 STAGE: Question = attrgetter("stage")
 RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("covered"))
 
 
-def make_tables(marks: Sequence[Mark], again: Again = ()) -> list[Table]:
+def make_tables(marks: Sequence[Mark]) -> list[Table]:
     """Return the tables of a round that have rows.
 
-    False alarms, detection by lambda and by name, correct answers, the abstention matrix, the targets of the posterior,
-    rivals, and the gain of further shots. Foreign worlds come first.
-
-    Args:
-        marks: Of first claims.
-        again: (first, second) marks of the worlds that were shot again.
+    False alarms, correct answers, the targets of the posterior, and rivals. Foreign worlds come first.
     """
-    tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks),
-              Table("What was true against what was said", ("true, said", *VERDICTS),
-                    [[title, *map(str, counts)] for title, counts in matrix_of(marks).items()]),
+    tables = [_alarms(marks), _right(marks),
               Table("Against the targets of the posterior", ("figure", "here", "wanted", ""),
                     posterior_rows(marks) if len({one.level for one in marks}) == 1 else []),
-              _rivals(marks), _again(again)]
+              _rivals(marks)]
     return [one for one in tables if one.rows]
+
+
+def verdict(marks: Sequence[Mark]) -> str:
+    """Return the verdict in a sentence or two."""
+    nulls, hidden = ([one for one in marks if (one.kind in NULLS) == null] for null in (True, False))
+    named = [one for one in hidden if one.first is not None]
+    parts = []
+    if nulls:
+        parts.append(f"Where nothing was missing, something was claimed in {_words(nulls, lambda one: one.found)}.")
+    if hidden:
+        parts.append(f"Where something was hidden, it was found in {_words(hidden, lambda one: one.found)}.")
+    if named:
+        parts.append("Of what was found and has a name, the right one or one that such data cannot tell from it came "
+                     f"first in {_words(named, up_to_alias)}.")
+    return " ".join(parts)
+
+
+def _words(marks: Sequence[Mark], question: Question) -> str:
+    yes, of = share(marks, question)
+    low, high = wilson(yes, of)
+    return f"{yes} of {of} worlds ({low:.0%} to {high:.0%})"
 
 
 def share(marks: Iterable[Mark], question: Question) -> tuple[int, int]:
@@ -56,20 +63,6 @@ def said(yes: int, of: int) -> str:
     return f"{yes}/{of} = {yes / of:.2f} ({low:.2f}-{high:.2f})" if of else "-"
 
 
-def matrix_of(marks: Sequence[Mark]) -> dict[str, list[int]]:
-    """Return {what was true: worlds by verdict}, for the kinds that occur."""
-    return {title: [sum(one.verdict == word for one in marks if one.kind in kinds) for word in VERDICTS]
-            for title, kinds in GROUPS.items() if any(one.kind in kinds for one in marks)}
-
-
-def ladder_of(marks: Sequence[Mark]) -> list[tuple[float, float, list[Mark]]]:
-    """Return (least lambda, most, worlds with one hidden effect of the catalogue in between)."""
-    single = [one for one in marks if one.kind in ("one", "alias")]
-    steps = [(low, high, [one for one in single if one.strength is not None and low <= one.strength < high])
-             for low, high in pairwise(STEPS)]
-    return [step for step in steps if step[2]]
-
-
 def _alarms(marks: Sequence[Mark]) -> Table:
     titles = {"foreign, unchanged": [(FOREIGN, "clean")], "clean": [(NUMPY, "clean")], "dirty": [(NUMPY, "dirty")],
               "MuJoCo, unchanged": [(MUJOCO, "clean")], "MuJoCo, unchanged, dirty": [(MUJOCO, "dirty")],
@@ -79,31 +72,6 @@ def _alarms(marks: Sequence[Mark]) -> Table:
     rows = [[title, said(*share(mine, FOUND)), said(*share(mine, lambda one: bool(one.names)))]
             for title, mine in groups.items() if mine]
     return Table("Worlds in which nothing is missing (nominal 0.05)", ("", "false alarms", "a name was given"), rows)
-
-
-def _ladder(marks: Sequence[Mark]) -> Table:
-    rows = []
-    for low, high, mine in ladder_of(marks):
-        allowed = [one.allowed[0] for one in mine if one.allowed]
-        rows.append([f"{low:g}-{high:g}" if high < STEPS[-1] else f"{low:g} and more",
-                     said(*share(mine, lambda one: one.found)),
-                     f"{sum(allowed) / len(allowed):.2f}" if allowed else "-",
-                     *(said(*share(mine, question)) for question in (*RIGHT, STAGE))])
-    return Table("One hidden effect, by how plain it is", (
-        "lambda", "found", "these data allow", "first name right", "up to alias", "in the set", "stage"), rows)
-
-
-def _by_name(marks: Sequence[Mark]) -> Table:
-    """Those first of which most was missed of what their data allow."""
-    single = [one for one in marks if one.engine == NUMPY and one.kind == "one" and one.allowed]
-    rows = []
-    for name in sorted({one.hidden for one in single}):
-        mine = [one for one in single if one.hidden == name]
-        allowed = sum(one.allowed[0] for one in mine if one.allowed)
-        rows.append((sum(one.found for one in mine) - allowed, [
-            ", ".join(name), f"{sum(one.found for one in mine)}/{len(mine)}", f"{allowed:.1f}"]))
-    return Table("One effect of the catalogue, by name", ("hidden", "found", "these data allow to find"),
-                 [row for _, row in sorted(rows)])
 
 
 def _right(marks: Sequence[Mark]) -> Table:
@@ -121,11 +89,10 @@ def _right(marks: Sequence[Mark]) -> Table:
                          f"{sum(sizes) / len(sizes):.1f}" if sizes else "-",
                          said(*share(mine, lambda one: one.holds)),
                          f"{(sum(error**2 for error in errors) / len(errors))**0.5:.2f}" if errors else "-",
-                         kept_in_test(mine), said(*share(mine, worse_in_test))])
+                         said(*share(mine, worse_in_test))])
     return Table("Worlds in which something is hidden; from `stage` on, of those found", (
         "hidden", "found", "stage", "first name right", "up to alias", "in the set", "set size", "interval holds",
-        "error / least possible, RMS", "gain kept in the sealed test",
-        "worse there than before"), rows)
+        "error / least possible, RMS", "worse in the sealed test than before"), rows)
 
 
 def _rivals(marks: Sequence[Mark]) -> Table:
@@ -152,23 +119,6 @@ def yes_of(answers: Iterable[bool | None]) -> tuple[int, int]:
     """Return (yes, of) for those that are not None."""
     known = [answer for answer in answers if answer is not None]
     return sum(known), len(known)
-
-
-def _again(pairs: Again) -> Table:
-    named = {kind: [pair for pair in pairs if pair[0].first is not None and pair[0].asked == kind]
-             for kind in REQUESTS}
-    rows = [[REQUESTS[kind], str(len(mine)), *_before_and_after(mine)] for kind, mine in named.items() if mine]
-    return Table("Further shots and measurements: answers before and after", (
-        "", "worlds", "set before", "after", "first name right before", "after", "the right name alone before",
-        "after"), rows)
-
-
-def _before_and_after(named: Again) -> list[str]:
-    sizes = [[one.set_size for one in side if one.set_size is not None] for side in zip(*named, strict=True)]
-    cells = [f"{sum(side) / len(side):.1f}" if side else "-" for side in sizes]
-    for question in (lambda one: one.first, lambda one: bool(one.first) and one.names == one.hidden):
-        cells += [said(*share(side, question)) for side in zip(*named, strict=True)]
-    return cells
 
 
 # --- figures and their targets
@@ -285,18 +235,6 @@ def _reached(figure: ProofFigure, wanted: tuple[float, float] | None) -> str:
     if wanted[0] <= figure.value <= wanted[1]:
         return "reached"
     return "NOT REACHED" if figure.high < wanted[0] or figure.low > wanted[1] else "NOT REACHED, may be chance"
-
-
-def kept_in_test(marks: Sequence[Mark]) -> str:
-    """Return the share that adoption reached of the true term's reduction of the squared error of sealed heights.
-
-    The median over the worlds in which that reduction is not NEGLIGIBLE: a sum would be decided by the few in which
-    balls were forecast to fall short.
-    """
-    known = [one.off_m for one in marks if one.off_m is not None and len(one.off_m) == 3]
-    shares = [(before**2 - after**2) / (before**2 - true**2) for before, after, true in known
-              if true < before * (1.0 - NEGLIGIBLE)]
-    return f"{median(shares):.2f} (median of {len(shares)})" if shares else "-"
 
 
 def worse_in_test(one: Mark) -> bool | None:

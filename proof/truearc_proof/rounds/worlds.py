@@ -42,13 +42,11 @@ from truearc import robot
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Believe, Noise
 from truearc.robot.config.schema import load_config
-from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import save_dataset
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import Season, ShotSetting
-from truearc_proof.rounds import TOOLS, canonical
 from truearc_proof.truth import world as truth
-from truearc_proof.truth.generate import Asked, follow, foreign_robot, write
+from truearc_proof.truth.generate import foreign_robot, write
 from truearc_proof.truth.world import FEWEST, LEVELS, TRACK_DIRT, World, find_effect, make_world
 from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
 
@@ -395,7 +393,6 @@ def drawn_of(world: Mapping[str, Any], path: Path) -> Drawn:
 
 # --- what is made
 
-MEASURED = "measured.json"
 HOME = "home"                         # the session of the unmodified robot that MuJoCo's worlds are compared with
 
 
@@ -410,29 +407,13 @@ def world_of(drawn: Drawn) -> World:
 def make_data(drawn: Drawn, directory: Path) -> str:
     """Write the dataset; return its maker (engine and version). The directory must be new or empty."""
     if drawn.engine == MUJOCO:
-        save_dataset(directory, _season(drawn, drawn.seed, dirty_plan(drawn.dirt, drawn.seed, drawn.shots),
-                                        directory.name))
+        played = play_robot(drawn, drawn.seed, dirty_plan(drawn.dirt, drawn.seed, drawn.shots))
+        save_dataset(directory, replace(played.dataset, name=directory.name))
         return f"mujoco {mujoco.__version__}, truearc {version('truearc')}"
     write(world_of(drawn), directory)
     if drawn.engine == FOREIGN:
         write(foreign_robot(drawn.seed, drawn.level, drawn.shots, FEWEST, {})[0], directory / HOME)
     return f"numpy {version('numpy')}, truearc {version('truearc')}"
-
-
-def make_more(drawn: Drawn, asked: Sequence[Asked], directory: Path) -> None:
-    """Write the dataset of more shots of the same world: in MuJoCo another session of its robot, with fresh balls."""
-    if drawn.engine == MUJOCO:
-        settings = [ShotSetting(*one[:3]) for one in asked for _ in range(one.shots)]
-        dataset = _season(drawn, drawn.seed + 1, settings, directory.name)
-        ids = tuple(f"f1-{one}" for one in dataset.shots.shot_id)
-        texts = {**dataset.shots.texts, "session": ("2",) * len(ids)}
-        save_dataset(directory, replace(dataset, shots=replace(dataset.shots, shot_id=ids, texts=texts)))
-        return
-    save_dataset(directory, replace(follow(world_of(drawn), asked), name=directory.name))
-
-
-def _season(drawn: Drawn, seed: int, settings: Sequence[ShotSetting], name: str) -> Dataset:
-    return replace(play_robot(drawn, seed, settings).dataset, name=name)
 
 
 def play_robot(drawn: Drawn, seed: int, settings: Sequence[ShotSetting]) -> Season:
@@ -443,25 +424,7 @@ def play_robot(drawn: Drawn, seed: int, settings: Sequence[ShotSetting]) -> Seas
     return play_season(rig, options, seed, settings, drawn.level, dirty_sensors(drawn.dirt, rig.noise))
 
 
-def make_reading(drawn: Drawn, tool: str, directory: Path) -> None:
-    """Write the readings of an instrument of TOOLS on this world's robot."""
-    directory.mkdir(parents=True)
-    read = {"measure": tool, "terms": read_off(tool, drawn.effects, drawn.seed)}
-    (directory / MEASURED).write_bytes(canonical(read) + b"\n")
-
-
 def home_of(worlds: tuple[Drawn, ...], seed: int) -> Drawn | None:
     """Return the unmodified session that a round with MuJoCo's worlds begins with; None for one without."""
     mine = [one for one in worlds if one.engine == MUJOCO]
     return None if not mine else Drawn(HOME, MUJOCO, "clean", mine[0].level, mine[0].shots, seed, change="nothing")
-
-
-def read_off(tool: str, effects: Mapping[str, float], seed: int) -> dict[str, dict[str, float]]:
-    """Return {term: {"value", "sd"}} by that tool, for a robot with these effects; the same seed gives the same
-    readings."""
-    rng = np.random.default_rng([seed, list(TOOLS).index(tool), 23])
-    found = {}
-    for term, sd in TOOLS[tool].items():
-        truth = PARAMETER[term][1](effects[term]) if term in effects else 0.0
-        found[term] = {"value": truth + sd * float(rng.normal()), "sd": sd}
-    return found

@@ -269,8 +269,6 @@ class Flown(NamedTuple):
     path: Path
     arrival: Arrival
     exit_speed_m_s: Floats
-    exit_elevation_deg: Floats
-    exit_backspin_rad_s: Floats
 
 
 def fly_shots(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats], luck: Luck, gust_from_s: Floats,
@@ -279,7 +277,7 @@ def fly_shots(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats], luc
     launch = leave(world, plan, wheels_rad_s, luck)
     position, velocity, spin = start_of(launch)
     path = fly(make_law(world, plan, spin, gust_from_s), position, velocity, plan.distance_m, step_s)
-    return Flown(path, arrive(path, plan.distance_m), launch.speed_m_s, launch.elevation_deg, launch.backspin_rad_s)
+    return Flown(path, arrive(path, plan.distance_m), launch.speed_m_s)
 
 
 def aim(world: World, plan: Plan, seen_distance_m: Floats, seen_hood_deg: Floats) -> tuple[Floats, Floats]:

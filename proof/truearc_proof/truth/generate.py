@@ -1,7 +1,7 @@
 """Dataset of a concealed world, as read by its sensors and released to a solver, and further requested shots.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +10,7 @@ import numpy as np
 
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.data.files import save_dataset
-from truearc_proof.truth.flight import Flown, aim, at, draw_luck, fly_shots, intended_s, wheel_dip, wheel_speeds
+from truearc_proof.truth.flight import Flown, aim, at, draw_luck, fly_shots, wheel_dip, wheel_speeds
 from truearc_proof.truth.world import SUPPLIERS, Floats, Plan, World, draw_errors, make_world, plan_shots
 
 # --- sensors
@@ -147,9 +147,6 @@ def _kept_frames(world: World, rng: np.random.Generator, time_s: Floats, end_s: 
 
 # --- datasets
 
-APART = 1 << 40                       # seeds of a world from those of the shots that follow it
-RESTED_S = 8.0
-SESSIONS = 100                        # at most, of one follow-up
 LATER = 1 << 42                       # seeds of a foreign world's practice from those of its event
 
 
@@ -192,14 +189,6 @@ def foreign_robot(seed: int, level: str, practice: int, event: int, change: Mapp
     return home, replace(home, seed=seed + LATER, shots=event, effects=effects)
 
 
-def shift_m(world: World) -> Floats:
-    """Return the shift of each shot's height at the plane by effects of launch and flight [n]; nan: falls short."""
-    season = play(world)
-    none = np.full(world.shots, np.inf)              # a gust that never sets in
-    plain = fly_shots(replace(world, effects={}), season.plan, season.wheels_rad_s, draw_luck(world), none)
-    return season.flown.arrival.height_m - plain.arrival.height_m
-
-
 def record(world: World, plan: Plan, seen: tuple[Floats, Floats], ratio: Floats, flight_s: Floats) -> TruthSeason:
     """Return the shots of a plan and the sensor readings of them.
 
@@ -223,65 +212,3 @@ def record(world: World, plan: Plan, seen: tuple[Floats, Floats], ratio: Floats,
     ids = tuple(f"s{number:04d}" for number in range(1, world.shots + 1))
     dataset = Dataset(f"world{world.seed}", world.facts, Shots(ids, numbers, texts), tracks, traces)
     return TruthSeason(dataset, plan, ratio, wheels, flown)
-
-
-class Asked(NamedTuple):
-    """A configuration as the robot's sensors measure it, and how often it is to be shot."""
-
-    distance_m: float
-    hood_deg: float
-    motor_ratio: float
-    shots: int
-
-
-def follow(world: World, asked: Sequence[Asked], number: int = 1) -> Dataset:
-    """Play more sessions of the same robot, with the same balls, at leisure: configurations one after another.
-
-    The dataset has the new shots alone; their shot_ids, and the sessions' names, are none of the season's. number: of
-    the follow-up; the same number shoots the same shots. ValueError when nothing is asked for.
-    """
-    extra = sum(one.shots for one in asked)
-    if extra < 1:
-        raise ValueError("no shots are asked for")
-    season = play(world)
-    own = replace(world, shots=world.shots + extra, seed=world.seed + number * APART)
-    plan = _longer(season.plan, own, extra, number)
-    distance, hood, ratio = (np.repeat([one[k] for one in asked], [one.shots for one in asked]).astype(float)
-                             for k in range(3))
-    plan = _placed(world, plan, distance, hood)
-    seen = see_places(own, plan)
-    ratio = np.concatenate([season.motor_ratio, ratio])
-    told = record(own, plan, seen, ratio, intended_s(own, replace(plan, distance_m=seen[0], hood_deg=seen[1]), ratio))
-    dataset = told.dataset.take(range(world.shots, own.shots))
-    ids = tuple(f"f{number}-{k:04d}" for k in range(1, extra + 1))
-    return replace(dataset, shots=Shots(ids, dataset.shots.numbers, dataset.shots.texts))
-
-
-def _longer(plan: Plan, own: World, extra: int, number: int) -> Plan:
-    """Append sessions with circumstances of their own to the season; balls go on being used."""
-    fresh = plan_shots(replace(own, shots=max(extra, 10)))
-    more = {name: column[:extra] for name, column in vars(fresh).items()}
-    balls = plan.ball.max() + 1
-    ball = fresh.ball[:extra] % balls
-    first = np.array([np.argmax(plan.ball == one) for one in ball])
-    most = max(np.bincount(plan.ball).max() - 1, 1)
-    had = np.array([np.count_nonzero(plan.ball == one) + np.count_nonzero(ball[:k] == one)
-                    for k, one in enumerate(ball)])
-    begins = np.diff(more["session"], prepend=-1) > 0
-    place = np.arange(extra) - np.maximum.accumulate(np.where(begins, np.arange(extra), 0))
-    more |= {"session": plan.session.max() + 1 + SESSIONS * (number - 1) + more["session"],
-             "since_last_s": np.where(begins, np.nan, RESTED_S), "t_s": RESTED_S * place, "ball": ball,
-             "used": had / most, "fresh_ball": plan.fresh_ball[first], "drag_of_ball": plan.drag_of_ball[first],
-             "supplier": plan.supplier[first], "closing_m_s": np.zeros(extra)}
-    return Plan(**{name: np.concatenate([column, more[name]]) for name, column in vars(plan).items()})
-
-
-def _placed(world: World, plan: Plan, distance_m: Floats, hood_deg: Floats) -> Plan:
-    """The robot stands, and its hood, where its sensors say what was asked for; so the truth is off by their errors."""
-    extra = len(distance_m)
-    hood = np.concatenate([plan.hood_deg[:-extra], hood_deg])
-    came = np.concatenate([plan.hood_came[:-extra], np.sign(np.diff(hood))[-extra:]])
-    came[-extra:][np.diff(plan.session[-extra - 1:]) > 0] = 0.0
-    hood[-extra:] += world.amount("hood_offset") - world.amount("hood_backlash") * came[-extra:]
-    distance = distance_m * (1.0 + world.amount("distance_scale")) + world.amount("distance_bias")
-    return replace(plan, distance_m=np.concatenate([plan.distance_m[:-extra], distance]), hood_deg=hood, hood_came=came)

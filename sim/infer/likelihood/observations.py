@@ -214,7 +214,7 @@ SMOOTH_DEGREE = 4                     # of the polynomial that stands for "any s
 ENOUGH_SAMPLES = 12                   # per track, to measure scatter from it
 # Derived: normal noise goes so far once in 10^15
 GROSS = 8.0                           # robust standard deviations off a smooth flight: not a sample of the ball
-# Chosen: more than the two frames that benchmarks.faults loses
+# Chosen: more than the two frames in a row that a camera may lose
 LEAPS, MOST_LOST = 3, 4               # the longest steps of a track, and frames that may be lost behind each
 # Measured: with COMMON, leaps are found in 296 of 300 tracks that lost two frames, in 2 of 2700 that lost none (git
 # show 0acad92d)

@@ -1,19 +1,16 @@
 """Importing the ball drops: each ball's own mass and size, time from zero, nothing lost, every bad row named."""
 
 import csv
-import io
 import math
 from pathlib import Path
 
 import numpy as np
-import openpyxl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import truearc as ta
-import truearc.cli.main as truearc
-from tests.sim.same_dataset import assert_same
+from truearc.errors import InputError
 from truearc.sim.physics.catalogue import BUILT_IN, terms_of_file
 from truearc_proof.importers.ball_drops import import_ball_drops, import_sepia_drops
 
@@ -21,17 +18,6 @@ HEADER = ("ball", "sheet", "drop", "t_s", "height_m", "velocity_mps", "mass_kg",
 # name -> (mass in ounces, circumference in cm) as the source has them
 BALLS = {"golfball": (1.62, 13.8), "tennisball": (2.0, 20.75), "bowlingball": (81.0, 67.0)}
 FRAME_S = 1.0 / 15.0
-SHEET_HEADER = ("Drop #", "Time (s)", "Height (m)", "Smoothed velocity (m/s)")
-SHEETS = {"golfball": "Golf Ball", "tennisball": "Tennis Ball", "bowlingball": "Bowling Ball"}
-LIST = """ball            weight(oz)  circumference(cm)
-golfball        1.62        13.8
-tennisball      2           20.75
-bowlingball     81          67.0
-volleyball      ??          ??
-yellowWiffle    1.4         30.0
-wiffleball1     1.1         23.0
-"""
-Sheets = dict[str, list[list[object]]]
 TIMES = "1.220e+00 2.015e+00\n1.121e+00 1.726e+00\n"
 DROPS = """# R_ball rho_air rho_ball height time sd(time)
  1.2e-1 1.184 84.0 20.0 2.29 0.1
@@ -131,97 +117,6 @@ def test_every_sample_arrives_under_its_drop(tmp_path_factory, heights, starts_s
         here = dataset.tracks.shot == shot
         assert dataset.tracks.z_m[here].tolist() == column
         assert dataset.tracks.t_s[here] == pytest.approx(FRAME_S * np.arange(len(column)), abs=1e-9)
-
-
-def sheets() -> Sheets:
-    """The drops of the other test's table, a sheet a ball."""
-    return {sheet: [[row[2], *row[3:6]] for row in good() if row[0] == ball] for ball, sheet in SHEETS.items()}
-
-
-def workbook(path: Path, content: Sheets, header: tuple[str, ...] = SHEET_HEADER) -> Path:
-    """As the public file is: of the newer kind, whatever its name ends in."""
-    book = openpyxl.Workbook()
-    book.remove(book.active)
-    for name, rows in content.items():
-        sheet = book.create_sheet(name)
-        for cells in (header, *rows):
-            sheet.append(list(cells))
-    buffer = io.BytesIO()
-    book.save(buffer)
-    path.write_bytes(buffer.getvalue())
-    return path
-
-
-def files(home: Path, content: Sheets, balls: str = LIST, header: tuple[str, ...] = SHEET_HEADER) -> tuple[Path, Path]:
-    (home / "balls.txt").write_text(balls)
-    return workbook(home / "Ball_drops_data.xls", content, header), home / "balls.txt"
-
-
-def test_the_workbook_says_the_same_as_the_table(tmp_path: Path) -> None:
-    # the table was made with a more exact ounce
-    assert_same(import_ball_drops(*files(tmp_path, sheets())), import_ball_drops(write(tmp_path, good())), 3e-6)
-
-
-def test_a_ball_has_another_name_in_the_list_and_perhaps_no_weight(tmp_path: Path) -> None:
-    rows = sheets()["Golf Ball"]
-    names = ("Yellow Whiffle Ball", "Whiffle Ball 1", "Volleyball")
-    out = tmp_path / "out"
-    paths = [str(path) for path in files(tmp_path, dict.fromkeys(names, rows))]
-    assert truearc.main(["import", "ball-drops", *paths, "-o", str(out)]) == 0
-    with (out / "shots.csv").open(newline="") as file:
-        masses = {row["shot_id"]: row["mass_kg"] for row in csv.DictReader(file)}
-    balls = ("yellowWiffle", "wiffleball1", "volleyball")
-    assert list(masses) == [f"{name}-{drop}" for name in balls for drop in (1, 2)]
-    assert masses["volleyball-1"] == ""
-    assert float(masses["yellowWiffle-2"]) == pytest.approx(1.4 * 0.0283495)
-
-
-@pytest.mark.parametrize(("column", "cell", "says"), [
-    (1, None, "t_s: is missing"), (2, True, "height_m: 'a yes or no' is not a finite number"),
-    (2, "high", "height_m: 'high' is not a finite number")])
-def test_empty_rows_are_passed_over_and_rows_keep_their_numbers(tmp_path, column, cell, says):
-    content = sheets()
-    content["Golf Ball"].insert(3, [None] * 4)
-    assert len(import_ball_drops(*files(tmp_path, content)).shots) == 4
-    content["Golf Ball"][5][column] = cell
-    with pytest.raises(ta.InputError, match=f"xls, sheet Golf Ball:7: {says}"):
-        import_ball_drops(*files(tmp_path, content))
-
-
-@pytest.mark.parametrize(("balls", "says"), [
-    (LIST.replace("1.62 ", ""), "balls.txt:2: is not a ball's name, weight (oz) and circumference (cm)"),
-    (LIST.replace("1.62", "light"), "balls.txt:2: 'light' is not a finite number, nor '??' for unknown"),
-    (LIST + "golfball 1 2", "balls.txt:8: 'golfball' stands twice"),
-    (LIST.replace("golfball", "golf"), "xls, sheet Golf Ball: its ball, golfball, is not in "),
-    (LIST.replace("1.62", "-1"), "xls, sheet Golf Ball:2: mass_kg: -0.0283495 is out of range")])
-def test_a_ball_without_weight_and_size_is_named(tmp_path: Path, balls: str, says: str) -> None:
-    with pytest.raises(ta.InputError) as caught:
-        import_ball_drops(*files(tmp_path, sheets(), balls))
-    assert says in str(caught.value)
-
-
-def test_a_sheet_without_its_columns_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    paths = [str(path) for path in files(tmp_path, sheets(), header=("Drop #", "Time (s)", "Height (ft)", "v"))]
-    assert truearc.main(["import", "ball-drops", *paths, "-o", str(tmp_path / "out")]) == 2
-    assert "xls, sheet Golf Ball:1: column 'Height (m)' is missing" in capsys.readouterr().err
-    with pytest.raises(ta.InputError, match=r"xls, sheet Golf Ball:1: column 'Time \(s\)' stands twice"):
-        import_ball_drops(*files(tmp_path, sheets(), header=("Drop #", "Time (s)", "Height (m)", "Time (s)")))
-    with pytest.raises(ta.InputError, match=r"xls, sheet Notes: its ball, notes, is not in"):
-        import_ball_drops(*files(tmp_path, sheets() | {"Notes": []}))
-
-
-def test_a_workbook_that_is_none_or_cut_short_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    book, balls = files(tmp_path, sheets())
-    whole = book.read_bytes()
-    for data in (whole[:len(whole) // 2], whole[:100], b"", b"PK\x03\x04 no more", b"\xd0\xcf\x11\xe0 an older kind",
-                 b"ball,drop"):
-        book.write_bytes(data)
-        assert truearc.main(["import", "ball-drops", str(book), str(balls), "-o", str(tmp_path / "out")]) == 2
-        said = capsys.readouterr()
-        assert "Ball_drops_data.xls: not a readable Excel workbook" in said.err and not said.out
-    book.unlink()
-    with pytest.raises(ta.InputError, match=r"xls: No such file"):
-        import_ball_drops(book, balls)
 
 
 def tutorial(folder: Path, times: str = TIMES, heights: str = "5\n10\n", radii: str = "0.1\n0.2\n") -> tuple[str, ...]:

@@ -2,10 +2,6 @@
 
 import csv
 import json
-import os
-import shutil
-import subprocess
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +9,7 @@ import pytest
 
 import truearc.cli.main as truearc
 from truearc.errors import InputError
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.dataset import Shots
 from truearc.sim.data.files import load_dataset
 from truearc.sim.physics.simulate import launch_of
 from truearc.sim.physics.term import Exit
@@ -25,10 +21,6 @@ ROWS = [("254", "laser_old_ball", 2.67, 4500, 45.73, ""), ("254", "laser_old_bal
         ("254", "laser_new_ball", 2.32, 4500, 45.76, ""), ("254", "lob", 4.37, 2500, 48.75, ""),
         ("2910", "west_valley", 2.2352, 3400, 45.0, ""), ("1678", "v_1", 3.0, "", "", "no hood")]
 HISTORY = ("commit", "committed_at", "commit_message", "distance_m", "hood_eject_angle_deg", "flywheel_rpm")
-needs_git = pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
-Point = tuple[float, float, float]    # elevation, wheel in rpm, distance in inches
-FIRST: list[Point] = [(30.0, 4500.0, 80.0), (25.0, 4500.0, 120.0)]
-LATER: list[Point] = [(30.0, 4400.0, 80.0), (25.0, 4500.0, 120.0)]
 
 
 def write(path: Path, header: tuple[str, ...], rows: list[tuple[object, ...]]) -> Path:
@@ -157,70 +149,7 @@ def test_3476s_own_file_is_one_version_without_a_date(tmp_path: Path) -> None:
             import_3476(path)
 
 
-def git(clone: Path, *words: str, when: str = "2021-11-01T00:00:00+00:00") -> str:
-    somebody = {"GIT_AUTHOR_NAME": "a", "GIT_AUTHOR_EMAIL": "a@b.c", "GIT_COMMITTER_NAME": "a", "GIT_COMMITTER_EMAIL":
-                "a@b.c", "GIT_COMMITTER_DATE": when, "GIT_AUTHOR_DATE": when, "GIT_CONFIG_GLOBAL": os.devnull}
-    return subprocess.run(("git", "-C", str(clone), *words), env=os.environ | somebody, check=True, capture_output=True,
-                          text=True).stdout
-
-
-def commit(clone: Path, text: str, when: str) -> None:
-    path = clone / set_points.FILE_3476
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
-    git(clone, "add", "--all")
-    git(clone, "commit", "--quiet", "-m", "tuned", when=when)
-
-
-def clone_of(folder: Path, versions: Sequence[tuple[str, list[Point]]]) -> Path:
-    """A repository with those versions, oldest first."""
-    folder.mkdir()
-    git(folder, "init", "--quiet")
-    for k, (when, points) in enumerate(versions):
-        # every other one is also formatted anew, as the real last one is, or git would see no change in it
-        text = json.dumps({"shooterConfigs": [config(*point) for point in points]}, indent=1 + k % 2)
-        commit(folder, text, when)
-    return folder
-
-
-def without_names(dataset: Dataset) -> list[tuple[float, ...]]:
-    """Each shot's numbers; a clone's commits have names of their own."""
-    numbers = dataset.shots.numbers
-    return [tuple(row) for row in zip(*(numbers[name].tolist() for name in sorted(numbers)), strict=True)]
-
-
-@needs_git
-def test_a_clones_history_says_the_same_as_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    days = ("2021-11-01T09:00:00+01:00", "2021-11-02T08:00:00+00:00")
-    clone = clone_of(tmp_path / "FRC-2020", list(zip(days, (FIRST, LATER), strict=True)))
-    rows: list[tuple[object, ...]] = [(day, when, "", distance * 0.0254, angle, speed) for day, when, points in
-                                      zip("ab", days, (FIRST, LATER), strict=True) for angle, speed, distance in points]
-    table = import_3476(write(tmp_path / "h.csv", HISTORY, rows))
-    dataset = import_3476(clone)
-    assert without_names(dataset) == without_names(table)
-    assert dataset.shots.number("t_s").tolist() == [0.0, 0.0, 86400.0]
-    assert dataset.left_out == table.left_out == ("1 set points that a version left as they were",)
-    assert truearc.main(["import", "frc-3476", str(clone), "-o", str(tmp_path / "d")]) == 0
-    assert "3 shots" in capsys.readouterr().out
-
-
-@needs_git
-def test_what_is_no_history_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    clone = clone_of(tmp_path / "c", [("2021-11-01T00:00:00+00:00", FIRST), ("2021-11-02T00:00:00+00:00", LATER)])
-    with pytest.raises(InputError, match="its history has no src/main/deploy"):
-        import_3476(clone / "src")
-    git(tmp_path, "clone", "--quiet", "--depth", "1", f"file://{clone}", "shallow")
-    with pytest.raises(InputError, match=r"shallow: is a shallow clone.*fetch --unshallow"):
-        import_3476(tmp_path / "shallow")
-    commit(clone, '{"shooterConfigs": [\n{"distance": 80, "hoodEjectAngle": "steep", "flywheelSpeed": 1}]}',
-           "2021-11-03T00:00:00+00:00")
-    name = git(clone, "log", "-1", "--abbrev=7", "--format=%h").strip()
-    with pytest.raises(InputError, match=rf"json of {name}:2: hood_eject_angle_deg: 'steep' is not a finite number"):
-        import_3476(clone)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(InputError, match="needs git"):
-        import_3476(clone)
-
+# --- import exit speeds
 
 SPEEDS = ("ball_speed_mps", "accelerator_rad_s", "finisher_rad_s")
 CONSTANTS = """

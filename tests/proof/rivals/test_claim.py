@@ -1,8 +1,7 @@
-"""What entrants get and answer, tracks and laws, learners of the residual, and the calibration."""
+"""What entrants get and answer, tracks and laws, and the learner of the residual."""
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -11,15 +10,15 @@ from tests.proof.law import acceleration
 from tests.proof.rivals.test_pysindy import sizes
 from truearc.errors import InputError
 from truearc.sim.discover.detect.covariates import Covariate
-from truearc_proof.rivals import check_rivals, claim, residual
+from truearc_proof.rivals import claim, find_rival, residual
 from truearc_proof.rivals.claim import COLUMNS, Moments, accelerations, middle_of
 from truearc_proof.truth.world import make_world
 
 
 def test_who_cannot_enter_is_told_why() -> None:
     with pytest.raises(InputError, match="no rival 'nobody'"):
-        check_rivals(["argmax", "nobody"])
-    assert check_rivals(["argmax", "argmax"]) == ("argmax",)
+        find_rival("nobody")
+    assert find_rival("argmax") is claim.answer_argmax
 
 
 VELOCITY = np.array([[7.0, 0.4, 5.0], [5.0, -0.3, -2.0], [9.0, 0.0, 1.0]])
@@ -71,7 +70,6 @@ def test_what_changes_a_force_is_a_candidate_where_the_force_is_believed() -> No
 
 
 COUNT, NOISE = 150, 0.1
-LEARNERS = {"gp": residual.learn_process, "boosted": partial(residual.learn_trees, 0)}
 
 
 def made(signal: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -82,20 +80,16 @@ def made(signal: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return table, residuals
 
 
-@pytest.mark.parametrize("name", LEARNERS)
-def test_a_sine_of_one_covariate_is_learnt_and_leant_on(name: str) -> None:
+def test_a_sine_of_one_covariate_is_learnt_and_leant_on() -> None:
     table, residuals = made(0.5)
-    foretold = residual.cross_validate(table, residuals, LEARNERS[name])
-    left = np.std(residuals[:, 2] - foretold[:, 2])
-    assert residual.gain_of_each(residuals, foretold).mean() > 0.2
-    assert left < {"gp": 1.3, "boosted": 2.2}[name] * NOISE      # of 0.36 before
-    assert LEARNERS[name](table, residuals).leaning().argmax() == 1
+    foretold = residual.cross_validate(table, residuals)
+    assert residual.gain(residuals, foretold) > 0.2
+    assert np.std(residuals[:, 2] - foretold[:, 2]) < 1.3 * NOISE      # of 0.36 before
+    assert residual.leaning(residual.learn(table, residuals)).argmax() == 1
 
 
-@pytest.mark.parametrize("name", LEARNERS)
-def test_noise_about_nothing_is_not_foretold(name: str) -> None:
-    gains = [residual.gain_of_each(made(0.0, seed)[1], residual.cross_validate(*made(0.0, seed), LEARNERS[name])).mean()
-             for seed in range(2)]
+def test_noise_about_nothing_is_not_foretold() -> None:
+    gains = [residual.gain(made(0.0, seed)[1], residual.cross_validate(*made(0.0, seed))) for seed in range(2)]
     assert max(gains) < 0.02
 
 
@@ -109,33 +103,3 @@ def test_unknown_covariates_stand_at_their_mean() -> None:
     table = residual.table_of([Covariate((("a", np.array([1.0, np.nan, 3.0])),)), Covariate((("b", np.ones(3)),))],
                               np.arange(3))
     np.testing.assert_allclose(table, [[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
-
-
-STEPS = 2_000
-SEEN, HELD = np.linspace(0.0, 1.0, 12)[:, None], np.array([[0.15], [0.55], [0.8]])
-
-
-@pytest.fixture(scope="module")
-def emulator() -> residual.Emulator:
-    """Of y = 4 theta sin(2 x), theta from 0 to 1."""
-    rng = np.random.default_rng(0)
-    x, theta = rng.uniform(0.0, 1.0, (2, 60, 1))
-    x[:2], theta[:2] = [[0.0], [1.0]], [[0.0], [1.0]]
-    return residual.Emulator(residual.Runs(x, theta, (4.0 * theta * np.sin(2.0 * x)).ravel()))
-
-
-def test_a_right_simulator_gets_its_parameter_back(emulator: residual.Emulator) -> None:
-    noise = 0.02 * np.random.default_rng(1).normal(size=len(SEEN))
-    found = residual.Calibration(emulator, SEEN, 2.4 * np.sin(2.0 * SEEN[:, 0]) + noise, steps=STEPS)
-    low, _, high = found.theta90[0]
-    assert low < 0.6 < high < low + 0.3
-    error = found.discrepancy(HELD)
-    assert (error.low90 < 0.0).all() and (error.high90 > 0.0).all()
-
-
-def test_what_a_wrong_simulator_lacks_is_forecast_between_the_data(emulator: residual.Emulator) -> None:
-    truth = [2.4 * np.sin(2.0 * x[:, 0]) + np.cos(5.0 * x[:, 0]) for x in (SEEN, HELD)]
-    both = [residual.Calibration(emulator, SEEN, truth[0], free, steps=STEPS).forecast(HELD) for free in (True, False)]
-    off = [np.abs(each.mean - truth[1]).max() for each in both]
-    assert off[0] < 0.1 < 0.5 < off[1]
-    assert (both[0].low90 < truth[1]).all() and (truth[1] < both[0].high90).all()

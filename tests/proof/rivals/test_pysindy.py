@@ -1,13 +1,10 @@
-"""Sparse regressions: PySINDy and ODR-BINDy on tracks of known laws."""
-
-from dataclasses import replace
+"""Sparse regressions by PySINDy on tracks of known laws."""
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
-from truearc_proof.rivals import odr_bindy, sindy
-from truearc_proof.rivals.claim import COLUMNS, Flights, Moments, accelerations, end_errors, gravity, usual_of
+from truearc_proof.rivals import sindy
+from truearc_proof.rivals.claim import COLUMNS, Flights, Moments, accelerations, end_errors, gravity
 from truearc_proof.rivals.sindy import Rows, Tuning, claim_by, fit
 from truearc_proof.truth.world import make_world
 
@@ -60,18 +57,17 @@ def test_a_constant_push_is_recovered_exactly_and_alone(form: str) -> None:
 
 
 @pytest.mark.parametrize("form", ["strong", "weak"])
-def test_a_claim_names_the_push_and_foretells_by_it(form: str) -> None:
+def test_a_claim_names_the_push(form: str) -> None:
     flights = constant(2.0, noise_m=0.001)
-    claim = claim_by(flights, rows_by(form, flights), KNOWN, 0)
+    claim = claim_by(rows_by(form, flights), KNOWN, 0)
     assert claim.says_something and claim.names[:2] == ("buoyancy", "added_mass")
-    assert claim.before_m is not None and claim.after_m is not None and claim.after_m < 0.8 * claim.before_m
 
 
 @pytest.mark.parametrize("form", ["strong", "weak"])
 def test_where_there_is_nothing_nothing_is_said(form: str) -> None:
     flights = constant(0.0)
-    claim = claim_by(flights, rows_by(form, flights), KNOWN, 0)
-    assert not claim.says_something and claim.names == () and claim.after_m == claim.before_m
+    claim = claim_by(rows_by(form, flights), KNOWN, 0)
+    assert not claim.says_something and claim.names == ()
 
 
 @pytest.mark.parametrize("form", ["strong", "weak"])
@@ -88,46 +84,3 @@ def test_a_law_that_is_the_true_one_foretells_without_error() -> None:
     weights = np.zeros((len(flights), len(COLUMNS)))
     weights[:, COLUMNS.index("buoyancy")] = 1.5
     np.testing.assert_allclose(end_errors(flights, COLUMNS, weights), 0.0, atol=1e-9)
-
-
-def test_a_push_is_named_with_an_interval_that_holds_it() -> None:
-    claim = odr_bindy.claim_of(constant(2.0, noise_m=0.003), KNOWN)
-    usual = usual_of("buoyancy")
-    assert claim.says_something and claim.names == ("buoyancy", "added_mass")
-    assert claim.figures["low90"] < 2.0 * usual < claim.figures["high90"] < 2.3 * usual
-    assert claim.before_m is not None and claim.after_m is not None and claim.after_m < 0.5 * claim.before_m
-
-
-def test_nothing_is_said_of_vacuum() -> None:
-    claim = odr_bindy.claim_of(constant(0.0, noise_m=0.003), KNOWN)
-    assert not claim.says_something and claim.names == () and claim.after_m == claim.before_m
-
-
-def test_lost_frames_and_an_unmeasured_axis_do_not_matter() -> None:
-    flights = constant(2.0, noise_m=0.003)
-    real, position_m = flights.real.copy(), flights.position_m * [1.0, 0.0, 1.0]
-    real[::2, 15:18] = False
-    assert odr_bindy.claim_of(replace(flights, real=real, position_m=position_m), KNOWN).names[:1] == ("buoyancy",)
-
-
-def test_the_optimum_is_that_of_a_general_solver(monkeypatch) -> None:
-    """Positions and coefficients together, for a drag that is strong enough to bend the problem."""
-    monkeypatch.setattr(odr_bindy, "choose", lambda square, pull, prior, known: odr_bindy.solve(
-        square, pull, prior, np.ones(len(pull), dtype=bool)))
-    flights, names, prior = constant(1.0, shots=2, noise_m=0.01), ("drag", "buoyancy"), np.array([0.3, 1.0])
-    films, sigma_m = odr_bindy.film(flights), odr_bindy.noise_of(flights)
-    linear = odr_bindy.linearise_at_best(flights, names, prior, 0)
-    found = odr_bindy.solve(linear.square.sum(0), linear.pull.sum(0), prior, np.ones(2, dtype=bool))
-
-    def misfit(at: np.ndarray) -> np.ndarray:
-        weights, x = at[:2], at[2:].reshape(films.position_m.shape)
-        h = films.step_s[:, None, None]
-        law = odr_bindy._library(flights, films, names, (x[:, 2:] - x[:, :-2]) / (2.0 * h)) @ weights
-        miss = np.diff(x, 2, axis=1) / h**2 - odr_bindy.laws.gravity(flights.facts) - law
-        return np.concatenate([((x - films.position_m) / sigma_m).ravel(), miss.ravel() / odr_bindy.SOFT_M_S2,
-                               weights / prior])
-
-    direct = least_squares(misfit, np.concatenate([[0.0, 0.0], films.position_m.ravel()]), x_scale="jac")
-    np.testing.assert_allclose(found.weights, direct.x[:2], atol=2e-3 * found.sd.min())
-    sd = np.sqrt(np.diag(np.linalg.inv(direct.jac.T @ direct.jac)))[:2]
-    np.testing.assert_allclose(found.sd, sd, rtol=0.02)
