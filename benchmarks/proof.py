@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 from matplotlib.axes import Axes
 
+from benchmarks.options import read_options
 from truearc.sim.report import make_png, new_figure
 from truearc.sim.statistics import wilson
 from truearc_proof.rounds import Room, last_digest, read_ledger

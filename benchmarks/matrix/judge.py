@@ -10,8 +10,8 @@ import msgspec
 from msgspec import Struct
 
 from benchmarks.matrix.devices import Seen
-from benchmarks.matrix.fault import DISARMS, ITSELF, KEEPS, REARM, Key, Motion, Row, find
-from benchmarks.matrix.keys import judge_keys, replays
+from benchmarks.matrix.fault import DISARMS, ITSELF, KEEPS, REARM, Key, Motion, Row
+from benchmarks.matrix.keys import first_hold, judge_keys, replays
 from benchmarks.matrix.motion import judge_motion
 from benchmarks.matrix.play import AIM, ends_robot, make_config
 from benchmarks.matrix.robot_side import AnswersAgain, RobotSide

@@ -86,7 +86,7 @@ def play(row: Row, bus: str, folder: Path, stepped: bool) -> None:
             _play_real(place)
         finally:
             if small:
-                _unmount(folder)
+                unmount(folder)
 
 
 # --- in stepped time
@@ -242,12 +242,3 @@ def _wait_for(process: BaseProcess) -> None:
     if process.is_alive():
         process.kill()
         process.join()
-
-
-def _unmount(folder: Path) -> None:
-    """Files on the small disk stay."""
-    kept = folder.with_name(folder.name + "-kept")
-    shutil.copytree(folder, kept, symlinks=True)
-    unmount(folder)
-    shutil.copytree(kept, folder, symlinks=True, dirs_exist_ok=True)
-    shutil.rmtree(kept)

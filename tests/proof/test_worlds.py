@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+import truearc as ta
 from truearc import robot
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.files import load_dataset

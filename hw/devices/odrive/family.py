@@ -29,8 +29,8 @@ from truearc.hw.protocols import NS_PER_MS, BadFrame, Frame, MotorReading, Order
 RETRY_NS = 100_000_000                # how often orders to come up or to let go are repeated: a frame may be lost
 ENDSTOP_NS = 50_000_000               # between two questions about the limit switch ...
 ENDSTOP_LOST_NS = 250_000_000         # ... but each tick where an answer is overdue, and not missing for longer
-# An unchanged torque is repeated at this interval, each tick at 200 Hz: with half of the frames lost, a watchdog of 0.1 s
-# then trips once in hours, and with 25 ms once a second
+# An unchanged torque is repeated at this interval, each tick at 200 Hz. With half of the frames lost, a watchdog of
+# 0.1 s then trips once in hours; with 25 ms, once a second
 FEED_NS = 4_000_000
 
 
