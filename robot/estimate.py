@@ -58,17 +58,23 @@ def _has_jumped(inputs: Inputs, last: Count, config: Config) -> bool:
 
 
 def _home(memory: Memory, inputs: Inputs, config: Config) -> Memory:
-    """The screw's zero, and that of an encoder that has none of its own, when the limit switch closes."""
-    motor, angle, encoder = inputs.hood_motor, inputs.hood_angle, config.hood_encoder
-    if memory.homed or not memory.armed or not motor.endstop or not (
-            is_fresh(inputs, motor.endstop_t_ns, config) and is_fresh(inputs, motor.t_ns, config)):
+    """The screw's zero, and that of an encoder that has none of its own, where the limit switch closed; one answer of
+    the switch may be wrong, so two in a row say so."""
+    motor, angle, encoder, first = inputs.hood_motor, inputs.hood_angle, config.hood_encoder, memory.switch
+    if memory.homed or not memory.armed or not motor.endstop:
+        return memory if first is UNSET else replace(memory, switch=UNSET)
+    if not (is_fresh(inputs, motor.endstop_t_ns, config) and is_fresh(inputs, motor.t_ns, config)):
+        return memory
+    if first is UNSET:
+        return replace(memory, switch=Count(motor.endstop_t_ns, motor.position_rad, motor.velocity_rad_s))
+    if motor.endstop_t_ns <= first.t_ns:
         return memory
     if encoder.zero_deg is None:
         if angle is None or not is_fresh(inputs, angle.t_ns, config):
             return memory
-        zero_deg = math.degrees(angle.angle_rad) - encoder.direction * config.hood.low_deg
-        memory = replace(memory, zero_deg=zero_deg)
-    return replace(memory, homed=True, screw_zero_rad=motor.position_rad)
+        here_deg = motors.elevation_from_screw_deg(motor.position_rad - first.position_rad, config.hood)
+        memory = replace(memory, zero_deg=math.degrees(angle.angle_rad) - encoder.direction * here_deg)
+    return replace(memory, homed=True, screw_zero_rad=first.position_rad, switch=UNSET)
 
 
 def _followed(track: Track | UnsetType, seen: Sighting, config: Config) -> Track | UnsetType:

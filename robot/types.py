@@ -297,6 +297,7 @@ class Memory(Struct, frozen=True):
     aim_sha256: str | UnsetType = UNSET           # of the aim file that the driver accepted; absent: the first one
     watched: Watched | UnsetType = UNSET          # only while advising
     count: Count | UnsetType = UNSET              # only without a hood encoder
+    switch: Count | UnsetType = UNSET             # the first in a row that say that the limit switch is closed, homing
     zero_deg: float | UnsetType = UNSET           # of a hood encoder that homing zeroes; absent until it has
     motion: MotionMemory | UnsetType = UNSET            # only while armed
     failures: int | UnsetType = UNSET             # of the hood, latched without its motion being known; absent: none

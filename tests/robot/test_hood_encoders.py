@@ -166,6 +166,22 @@ def without() -> Inputs:
     return replace(good_inputs(), hood_angle=None)
 
 
+def closed_once(inputs: Inputs, memory: Memory, config: Config) -> Memory:
+    """After the first answer that the switch is closed, which does not yet home it; the second comes 5 ms later."""
+    motor = replace(inputs.hood_motor, endstop_t_ns=inputs.hood_motor.endstop_t_ns - 5_000_000)
+    memory = step(replace(inputs, hood_motor=motor), memory, config, None).memory
+    assert not memory.homed
+    return memory
+
+
+def test_one_wrong_answer_of_the_switch_homes_nothing() -> None:
+    inputs, memory = without(), replace(counted(without()), homed=False)
+    for closed in (True, False, True, False):
+        motor = replace(inputs.hood_motor, endstop=closed, endstop_t_ns=NOW_NS)
+        memory = step(replace(inputs, hood_motor=motor), memory, NONE, None).memory
+        assert not memory.homed
+
+
 def test_the_angle_is_the_screws_and_fires() -> None:
     tick = step(without(), counted(without()), NONE, None)
     assert tick.verdict.fire and tick.memory.homed
@@ -185,7 +201,7 @@ def test_a_count_that_is_lost_is_a_hold_until_it_is_homed(change: dict[str, floa
     assert because.HOOD_NOT_HOMED() in tick.verdict.reasons
     assert tick.command.hood_torque_nm == -BLIND * NONE.hood.friction_nm       # until its motor shows that it moves
     later = replace(inputs, hood_motor=replace(inputs.hood_motor, endstop=True, endstop_t_ns=inputs.hood_motor.t_ns))
-    homed = step(later, tick.memory, NONE, None)
+    homed = step(later, closed_once(later, tick.memory, NONE), NONE, None)
     assert homed.memory.homed and homed.estimate.hood_deg == pytest.approx(NONE.hood.low_deg)
 
 
@@ -204,9 +220,10 @@ def test_a_counting_encoder_is_zeroed_at_the_switch_and_then_checked() -> None:
     at_switch = replace(inputs, hood_motor=replace(inputs.hood_motor, endstop=True, endstop_t_ns=NOW_NS, t_ns=NOW_NS))
     memory = replace(good_memory(), homed=False)
     assert step(inputs, memory, COUNTING, None).estimate.hood_deg is None
-    homed = step(at_switch, memory, COUNTING, None)
+    closed = closed_once(at_switch, memory, COUNTING)
+    homed = step(at_switch, closed, COUNTING, None)
     assert homed.memory.homed and homed.estimate.hood_deg == pytest.approx(COUNTING.hood.low_deg)
-    assert not step(replace(at_switch, hood_angle=None), memory, COUNTING, None).memory.homed
+    assert not step(replace(at_switch, hood_angle=None), closed, COUNTING, None).memory.homed
     turned = replace(inputs.hood_angle, angle_rad=(inputs.hood_angle.angle_rad + math.radians(9.0)) % math.tau)
     later = step(replace(at_switch, hood_angle=turned), homed.memory, COUNTING, None)
     assert later.estimate.hood_deg == pytest.approx(COUNTING.hood.low_deg + 9.0)

@@ -370,7 +370,7 @@ def keys_in(limit: Limit) -> set[str]:
     ("hood.homing_torque_nm", -10.0, "-10 is out of range (-0.15 = 0.5 * hood.pid.output_low to -0.02 = -1 * "
      "hood.friction_nm); below, the hood meets its stop too hard"),
     ("flywheel.pid.output_high", 100.0, "100 is out of range (0.01 to 10); below, nothing turns; above, the motor"),
-    ("gate.reading_age_s", 10.0, "10 is out of range (0.01 = 2 / tick_hz to 0.2)"),
+    ("gate.reading_age_s", 10.0, "10 is out of range (0.01 = 2 / tick_hz to 0.15)"),
     ("flywheel.steady_s", 0.0, "0 is out of range (0.01 = 2 / tick_hz to 2)"),
     ("gate.threshold", 0.0, "0 is out of range (0.01 to 0.99); below, the model cannot say no"),
     ("feeder.torque_nm", 50.0, "50 is out of range (0.005 to 10)"),

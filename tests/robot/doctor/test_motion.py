@@ -289,7 +289,7 @@ def test_on_a_serial_bus_it_asks_moves_and_tells(tmp_path, monkeypatch, capsys):
     devices.start()
     can, box = near.recv()
     text = SHIPPED.read_text(encoding="utf-8").replace('"socketcan"', '"slcan"').replace("/dev/buttonbox", box)
-    text = text.replace('"can0"', f'"{can}"').replace("reading_age_s = 0.1", "reading_age_s = 0.2")
+    text = text.replace('"can0"', f'"{can}"').replace("reading_age_s = 0.1", "reading_age_s = 0.15")
     (tmp_path / "launcher.toml").write_text(text, encoding="utf-8")
     config, clock = load_config(tmp_path / "launcher.toml"), MonotonicClock()
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
