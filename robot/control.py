@@ -61,9 +61,10 @@ def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memo
     if hood_on and watched.hood_ready and watched.hood.dropped_deg is None:
         hood, hood_pid = _hood(inputs, estimate, aim, memory, config, watched)
     feed_t_ns = inputs.t_ns if verdict.fire else memory.feed_t_ns and _still_clearing(inputs, memory, config)
-    feeding = bool(feed_t_ns) and (inputs.t_ns - feed_t_ns) * NS < config.feeder.feed_s and (
-        wheels_on and hood_on and watched.feeder_on and watched.feeder_ready
-        and watched.wheels_ready and watched.hood_ready)
+    feeding = bool(feed_t_ns) and (inputs.t_ns - feed_t_ns) * NS < config.feeder.feed_s
+    if feeding and not (wheels_on and hood_on and watched.feeder_on and watched.feeder_ready
+                        and watched.wheels_ready and watched.hood_ready):
+        feeding, feed_t_ns = False, inputs.t_ns - round(config.feeder.feed_s / NS)      # ended, not to begin again
     command = Command(wheels_on, hood_on, watched.feeder_on, flywheel, hood,
                       config.feeder.torque_nm if feeding else 0.0)
     return command, replace(memory, flywheel=wheel_pid, hood=hood_pid, feed_t_ns=feed_t_ns,

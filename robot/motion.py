@@ -144,7 +144,7 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
         wheels, cause = _wheels(inputs, wanted.wheels_rad_s, wheels, last.flywheel_torque_nm, config)
     if owns_hood:
         top_rad_s = wanted.hood_top_rad_s or (config.hood.max_deg_s / deg_per_rad if deg_per_rad else math.inf)
-        hood, why = _hood(inputs, estimate, wanted.hood_deg, top_rad_s, memory, hood, last.hood_torque_nm, config)
+        hood, why = _hood(inputs, estimate, wanted, top_rad_s, memory, hood, last.hood_torque_nm, config)
     of_wheels, of_hood, of_feeder = doubts
     everywhere, by_axis = _sorted_faults(inputs) if inputs.faults else (None, _NO_FAULTS)
     uncounted = t_ns - last.armed_t_ns < START_NS or (
@@ -414,7 +414,7 @@ def _is_driven(inputs: Inputs, config: Config) -> bool:
 
 # --- hood
 
-def _hood(inputs: Inputs, estimate: Estimate, wanted_deg: float | None, limit_rad_s: float, memory: Memory,
+def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, limit_rad_s: float, memory: Memory,
           joint: Joint, asked_nm: float, config: Config) -> tuple[Joint, Reason | None]:
     """The hood's memory and what is wrong with its motion; `limit_rad_s`: of its motor's speed, while it is driven."""
     joint, differing = _compared(inputs, estimate, memory, joint, asked_nm, config)
@@ -435,10 +435,10 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted_deg: float | None, limit_ra
     if motor.endstop and screw_deg is not None and screw_deg > config.hood.low_deg + SWITCH_OPEN_DEG and is_fresh(
             inputs, motor.endstop_t_ns, config):
         return joint, because.SWITCH_STUCK(angle_deg=screw_deg)
-    joint, cause = _moving(inputs, wanted_deg, memory, joint, asked_nm, config)
+    joint, cause = _moving(inputs, wanted.hood_deg, memory, joint, asked_nm, config)
     if cause is not None or (memory.homed and not joint.homing_t_ns):
         return joint, cause
-    return _homing(inputs, estimate.hood_deg, memory, joint, asked_nm, config)
+    return _homing(inputs, estimate.hood_deg, wanted.hood_top_rad_s, memory, joint, asked_nm, config)
 
 
 def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint, asked_nm: float,
@@ -542,8 +542,8 @@ def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joi
                    jams=joint.jams + is_blind), None
 
 
-def _homing(inputs: Inputs, hood_deg: float | None, memory: Memory, joint: Joint, asked_nm: float,
-            config: Config) -> tuple[Joint, Reason | None]:
+def _homing(inputs: Inputs, hood_deg: float | None, top_rad_s: float | None, memory: Memory, joint: Joint,
+            asked_nm: float, config: Config) -> tuple[Joint, Reason | None]:
     """Whether homing takes longer, or goes further, than from one end of the travel to the other."""
     t_ns, at_rad, hood = inputs.t_ns, inputs.hood_motor.position_rad, config.hood
     beyond = hood_deg is not None and hood_deg <= hood.low_deg - SWITCH_DEG
@@ -552,8 +552,10 @@ def _homing(inputs: Inputs, hood_deg: float | None, memory: Memory, joint: Joint
     if not joint.homing_t_ns:         # from the first torque on, whether or not every tick asks for some
         return (replace(joint, homing_t_ns=t_ns, homing_rad=at_rad) if asked_nm else joint), None
     took_s = (t_ns - joint.homing_t_ns) * NS
-    limit_s = HOMING_TIMES * (hood.high_deg - hood.low_deg) / hood.max_deg_s
-    if beyond or took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * motors.screw_travel_rad(hood):
+    travel_rad, limit_s = motors.screw_travel_rad(hood), HOMING_TIMES * (hood.high_deg - hood.low_deg) / hood.max_deg_s
+    if top_rad_s:
+        limit_s = max(limit_s, HOMING_TIMES * travel_rad / top_rad_s)
+    if beyond or took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * travel_rad:
         return joint, because.SWITCH_NOT_REACHED(limit_s=took_s)
     return joint, None
 

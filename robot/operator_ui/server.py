@@ -10,6 +10,8 @@ number of long responses is limited as well.
 """
 
 import gzip
+import hmac
+import secrets
 import socketserver
 import sys
 import threading
@@ -117,7 +119,7 @@ class LocalServer(ThreadingHTTPServer):
     def place(self, client: socket, places: Places, is_known: bool | None = False) -> Iterator[bool]:
         """Return whether `client` gets one of these places, which it then holds.
 
-        is_known: None where no client can be known; the last place is then for an address that has none yet.
+        is_known: None where a client need not be known; the last place is then for an address that has none yet, too.
         """
         with self._lock:
             address = self._clients.get(client)   # None: it has been replaced
@@ -222,7 +224,7 @@ class OperatorPage:
         self._told: tuple[int, bytes] = (0, b"")
         self.over = threading.Event()
         self._server = PageServer(host, port, self, what_if, orders)
-        self.url = self._server.url
+        self.url, self.token = self._server.url, self._server.token
         self._thread = threading.Thread(target=self._server.serve_forever, name="page", daemon=True)
         self._thread.start()
 
@@ -269,7 +271,8 @@ def open_page(text: str, config: Config, recording: str, clock: Clock,
         print(f"truearc: cannot serve the operator's page on {text} ({error.strerror or error}); choose another port "
               "with --page", file=sys.stderr)
         return None
-    print(f"operator's page: {page.url}", file=sys.stderr)
+    print(f"operator's page: {page.url}" + ("" if orders else f"; for the driver: {page.url}#token={page.token}"),
+          file=sys.stderr)
     return page
 
 
@@ -280,6 +283,13 @@ class PageServer(LocalServer):
                  orders: AimOrders | None = None) -> None:
         super().__init__(host, port, _Handler)
         self.page, self.what_if, self.orders = page, what_if, orders
+        self.token = secrets.token_urlsafe(18)    # where there are no orders, which have one that stays
+
+    def is_known(self, token: str) -> bool | None:
+        """Return whether a client has the token; None where it may not know that there is one."""
+        if self.orders is not None:
+            return self.orders.is_token(token)
+        return hmac.compare_digest(token.encode(), self.token.encode()) or None
 
 
 class _Handler(LocalHandler):
@@ -373,8 +383,7 @@ class _Handler(LocalHandler):
     def _admit(self, page: OperatorPage) -> None:
         # the page's own script can only name the token in the address
         token = parse_qs(self.path.partition("?")[2]).get("token", [""])[0]
-        is_known = None if self.server.orders is None else self.server.orders.is_token(token)
-        with self.server.place(self.connection, LOOKING, is_known) as is_free:
+        with self.server.place(self.connection, LOOKING, self.server.is_known(token)) as is_free:
             if is_free:
                 self._tell(page)
             else:

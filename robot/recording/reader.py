@@ -1,8 +1,9 @@
 """Reading of a session's ticks from the records of an MCAP file, whether complete or truncated.
 
-The sizes stated in a file are not trusted: a record cannot be longer than the rest of the file, and a chunk is unpacked
-to at most LARGEST bytes. Missing rows are always detected, because the rows of a topic are numbered from 0 without gaps
-and a file that was closed states how many there are (robot/recording/files.py).
+The sizes stated in a file are not trusted: a record cannot be longer than the rest of the file, a chunk is unpacked to
+at most LARGEST bytes, and all chunks together to little more than MOST_TIMES the size of the file. Missing rows are
+always detected, because the rows of a topic are numbered from 0 without gaps and a file that was closed states how many
+there are (robot/recording/files.py).
 """
 
 import struct
@@ -26,6 +27,9 @@ from truearc.robot.types import Tick
 # Bytes of a record, and of an unpacked chunk. Ours end each 0.1 s, at some 80 kB unpacked; programs that rewrite MCAP
 # make them of 4 MB.
 LARGEST = 1 << 26
+# Times the file's size. Recordings were measured to unpack to 11 to 40 times theirs; that of a robot that stands still,
+# rewritten in chunks of 4 MB, to 260 times.
+MOST_TIMES = 500
 MAGIC = b"\x89MCAP0\r\n"
 WANTED = (Opcode.CHUNK, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.STATISTICS)
 IN_CHUNKS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
@@ -86,13 +90,14 @@ def rows_in(file: IO[bytes], size: int, path: Path, topic: str) -> Iterator[byte
     Raises:
         Damaged: the file ends early, or is not what was written; all that was given before is.
         TooLarge: a record or an unpacked chunk is larger than LARGEST.
+        InputError: the chunks unpack to too much in all.
     """
-    channel, count = -1, 0
+    channel, count, total = -1, 0, Total(path, size)
     stated: int | None = None
     for at, opcode, body in _records(file, size, path):
         try:
             is_chunk = opcode == Opcode.CHUNK
-            inside = (split(unpack(Chunk.read(_stream(body)), f"{path}: byte {at}")) if is_chunk
+            inside = (split(total.add(unpack(Chunk.read(_stream(body)), f"{path}: byte {at}"))) if is_chunk
                       else iter(((opcode, body),)))
             for kind, content in inside:
                 if kind == Opcode.CHANNEL and (said := Channel.read(_stream(content))).topic == topic:
@@ -111,6 +116,22 @@ def rows_in(file: IO[bytes], size: int, path: Path, topic: str) -> Iterator[byte
             raise Damaged(f"byte {at}: {error}") from error
     if stated != count:
         raise Damaged(f"has {count} rows; its end states {'nothing' if stated is None else stated}")
+
+
+class Total:
+    """Counts what a file of `size` bytes unpacks to; InputError once that is too much."""
+
+    def __init__(self, path: Path, size: int) -> None:
+        self._path, self._most = path, LARGEST + MOST_TIMES * size
+        self._bytes = 0
+
+    def add(self, data: bytes) -> bytes:
+        """Count an unpacked chunk, and return it."""
+        self._bytes += len(data)
+        if self._bytes > self._most:
+            raise InputError(f"{self._path}: unpacks to more than {self._most} bytes, the most that is read of a "
+                             "recording of its size")
+        return data
 
 
 def unpack(chunk: Chunk, name: str) -> bytes:

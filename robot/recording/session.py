@@ -71,9 +71,17 @@ class WallTime(NamedTuple):
     how: str
 
 
+MOST_ROW_BYTES = 1 << 20              # of a tick; the largest of 60 recordings had 7,600
 encode_row = msgspec.json.Encoder().encode        # a line of a session's files, or a message of its telemetry
-decode_tick = msgspec.json.Decoder(types.Tick).decode
+_decode_tick = msgspec.json.Decoder(types.Tick).decode
 decode_trial = msgspec.json.Decoder(Trial).decode
+
+
+def decode_tick(row: bytes) -> types.Tick:
+    """Decode a row of a session's ticks; msgspec.ValidationError for one too long to be one."""
+    if len(row) > MOST_ROW_BYTES:
+        raise msgspec.ValidationError(f"has {len(row)} bytes; at most {MOST_ROW_BYTES} are read")
+    return _decode_tick(row)
 
 
 def row_schema(kind: type[types.Tick] | type[Trial]) -> bytes:

@@ -27,7 +27,7 @@ from truearc.errors import NO_JSON, InputError, check_file, in_words
 from truearc.robot.config.schema import RecordingConfig
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.files import Appender, TickFile, load_image, lock_trouble, parse_candump, save_synced
-from truearc.robot.recording.reader import BROKEN, MESSAGE, TickReader, TooLarge, split, unpack
+from truearc.robot.recording.reader import BROKEN, MESSAGE, TickReader, TooLarge, Total, split, unpack
 from truearc.robot.recording.writer import BATCH_NS
 from truearc.robot.types import Tick
 
@@ -101,7 +101,7 @@ def _write_ticks(new: Path, damaged: Path, told: _Told) -> None:
     file, flushed_ns = Appender(new), 0
     ticks = TickFile(file)
     try:
-        for row in salvage(damaged.read_bytes() if damaged.exists() else b""):
+        for row in salvage(damaged.read_bytes() if damaged.exists() else b"", damaged):
             tick = layout.decode_tick(row)
             if told.ticks and tick.inputs.cycle <= told.last_cycle:
                 continue              # a chunk that stands there twice
@@ -179,16 +179,16 @@ def _keep_aside(path: Path, damaged: Path) -> None:
     shutil.copy2(path, next(damaged / name for name in names if not (damaged / name).exists()))
 
 
-def salvage(data: bytes) -> Iterator[bytes]:
-    """Return the ticks of each chunk with a valid checksum, wherever in `data` it lies, in the file's order."""
-    file, at = BytesIO(data), data.find(NAME)
+def salvage(data: bytes, path: Path) -> Iterator[bytes]:
+    """Return the ticks of each chunk with a valid checksum, wherever in the `data` of a file it lies, in its order."""
+    file, at, total = BytesIO(data), data.find(NAME), Total(path, len(data))
     while at >= 0:
-        rows = _read_chunk(file, at - NAME_AT)
+        rows = _read_chunk(file, at - NAME_AT, total)
         yield from rows
         at = data.find(NAME, file.tell() if rows else at + 1)
 
 
-def _read_chunk(file: BytesIO, start: int) -> list[bytes]:
+def _read_chunk(file: BytesIO, start: int, total: Total) -> list[bytes]:
     """Return the ticks of the chunk that begins at `start`, none when it is not whole. `file` is then at its end."""
     file.seek(max(start, 0))
     stream = ReadDataStream(file)
@@ -197,7 +197,7 @@ def _read_chunk(file: BytesIO, start: int) -> list[bytes]:
             return []
         stream.read8()
         chunk = Chunk.read(stream)
-        records = split(unpack(chunk, "")) if chunk.uncompressed_crc else ()
+        records = split(total.add(unpack(chunk, ""))) if chunk.uncompressed_crc else ()
         return [content[MESSAGE.size:] for opcode, content in records
                 if opcode == Opcode.MESSAGE and MESSAGE.unpack_from(content)[0] == TICKS]
     except (*BROKEN, TooLarge):

@@ -361,6 +361,18 @@ def test_wheels_run_down_without_target_and_request_and_come_back_with_it() -> N
     assert abs(never.wheel_rad_s - SET_RAD_S) < 5.0
 
 
+def test_a_feed_ends_at_the_first_doubt_about_the_feeder() -> None:
+    launcher = running(replace(AIMED, feeder=replace(AIMED.feeder, feed_s=2.0, clear_s=2.0)))
+    launcher.press, began = "fire", len(launcher.ticks)
+    launcher.run(0.1)
+    launcher.spoil = lambda inputs: replace(inputs, feeder=replace(inputs.feeder, axis_error=1, t_ns=0))
+    launcher.run(0.1)
+    launcher.spoil = lambda inputs: inputs
+    launcher.run(2.0)
+    driven = [tick.command.feeder_torque_nm > 0.0 for tick in launcher.ticks[began:]]
+    assert 15 <= sum(driven) == driven.index(False) <= 20 and launcher.memory.feed_t_ns == 0
+
+
 @pytest.mark.parametrize("sd_rad_s", [6.0, 10.0])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_noise_of_dead_wheel_encoders_does_not_pass_for_motion(sd_rad_s: float, seed: int) -> None:

@@ -1,5 +1,6 @@
 """`truearc run` from first line to last on hand-made wires: real time asked for, systemd notified, ticks timed."""
 
+import re
 import signal
 import socket
 import sys
@@ -135,7 +136,8 @@ def test_the_recorder_process_shows_what_it_writes(wires, tmp_path, capfd):
     make_show(None)(rows)
     capfd.readouterr()
     assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", "0"]) == 0
-    assert "operator's page: http://127.0.0.1:" in capfd.readouterr().err
+    said = capfd.readouterr().err
+    assert re.search(r"operator's page: (http://127.0.0.1:\d+/); for the driver: \1#token=\S{24}\n", said)
 
 
 def test_no_networktables_and_no_page_change_nothing(wires, tmp_path, capfd):

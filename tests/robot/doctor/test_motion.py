@@ -35,8 +35,9 @@ from truearc.robot.doctor_motion import COAST_S, CREEP, FLYWHEEL, SmallMotion, _
 from truearc.robot.eyes import NoEyes
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
-from truearc.sim.world.drive import LOW_DEG
+from truearc.sim.world.drive import LOW_DEG, Hood
 from truearc.sim.world.emulated_robot import WATCHDOG_MS, emulated_rig, keep_time, make_nodes
+from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
 from truearc_proof.world.faults import SILENT, Fault
 
@@ -60,9 +61,11 @@ class Watched:
 
 
 def move(config=CONFIG, wrap=lambda name, node: node, nodes_of=make_nodes, hood_deg: float | None = 40.0,
-         button_ns: int | None = None) -> tuple[dict[str, Finding], Watched, SmallMotion]:
+         button_ns: int | None = None,
+         start_deg: float | None = None) -> tuple[dict[str, Finding], Watched, SmallMotion]:
     """Findings, what the world saw, and the motion; one more button is pressed at `button_ns`."""
     world, frames = World(1), []
+    world.hood = world.hood if start_deg is None else Hood(start_deg, Options())
     watched, box = Watched(world), open_button_box()
     nodes = {name: wrap(name, node) for name, node in nodes_of(config, world).items()}
     motion = SmallMotion(config, plan(config, hood_deg), True)
@@ -210,6 +213,13 @@ def test_any_button_releases():
     findings, _, motion = move(button_ns=2 * SECOND)
     assert findings["motion"].level == FAILURE and "released by the operator (fire)" in findings["motion"].says
     assert max(tick.inputs.t_ns for _, tick, sent in motion.rows if sent.enable_hood) <= 2 * SECOND + 10 * MS
+
+
+@pytest.mark.parametrize(("max_deg_s", "start_deg"), [(20.0, 60.0), (45.0, 30.0)])
+def test_a_hood_found_high_has_time_to_creep_to_its_switch(max_deg_s, start_deg):
+    config = replace(CONFIG, hood=replace(CONFIG.hood, max_deg_s=max_deg_s))
+    findings, watched, motion = move(config, hood_deg=start_deg, start_deg=start_deg)
+    assert motion.over == "" and not failures(findings) and watched.low_deg < LOW_DEG + 0.1
 
 
 def test_a_hood_with_a_lower_limit_creeps_at_that():

@@ -194,6 +194,14 @@ def test_last_place_is_for_who_has_the_token_or_else_for_an_address_that_has_non
     assert {answer.status for answer in others} == {200} and (refused.status, late.status) == (503, 200)
 
 
+def test_who_has_the_page_s_own_token_has_a_place_beside_others_of_its_address(page):
+    others = [stream(page, "127.0.0.1") for _ in range(LOOKING.most)]
+    late = stream(page, "127.0.0.1", page.token)
+    for answer in (*others, late):
+        answer.close()
+    assert [answer.status for answer in others].count(200) == LOOKING.of_address and late.status == 200
+
+
 def test_one_connection_too_many_ends_the_oldest(page):
     with ExitStack() as leaving:
         lines = [leaving.enter_context(socket.create_connection(("127.0.0.1", port(page)), timeout=10))

@@ -25,7 +25,7 @@ from truearc.errors import InputError
 from truearc.robot.recording.files import MOST_PIXELS, Appender, TickFile, load_image, load_pictures, parse_candump
 from truearc.robot.recording.reader import LARGEST, TickReader
 from truearc.robot.recording.replay import Difference, replay, replay_frames
-from truearc.robot.recording.session import CAN, FRAMES, INDEX, TELEMETRY, TRIALS, Picture, load_trials
+from truearc.robot.recording.session import CAN, FRAMES, INDEX, MOST_ROW_BYTES, TELEMETRY, TRIALS, Picture, load_trials
 from truearc.robot.recording.upkeep import recover, salvage
 from truearc.sim.data.recordings import shots_from_sessions
 
@@ -205,7 +205,7 @@ def test_what_is_no_session_is_bad_input(session, tmp_path, capsys):
 
 @given(data=st.binary(max_size=2000))
 def test_salvage_makes_nothing_of_noise(data):
-    assert list(salvage(data + b"\x04\x00\x00\x00zstd" + data)) == []
+    assert list(salvage(data + b"\x04\x00\x00\x00zstd" + data, Path())) == []
 
 
 def test_a_tick_of_another_format_is_named(session):
@@ -246,6 +246,29 @@ def test_a_recording_that_unpacks_to_gigabytes_is_refused_by_what_it_says_and_by
     assert f"{session / TELEMETRY}: byte 8: a chunk that" in error and "unpacks to" in error
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 300_000
     assert recover(session).ticks == 0
+
+
+@pytest.mark.parametrize(("topic", "sizes", "said"), [
+    ("/tick", [MOST_ROW_BYTES + 1], "row 1: has 1048577 bytes; at most 1048576 are read"),
+    ("/other", [60 << 20, 60 << 20], "unpacks to more than")])
+def test_a_small_recording_with_a_huge_row_or_many_large_chunks_is_refused(
+        session: Path, topic: str, sizes: list[int], said: str, tmp_path: Path,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    with (session / TELEMETRY).open("wb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD)
+        writer.start()
+        channel = writer.register_channel(topic, "json", 0)
+        for number, size in enumerate(sizes):
+            writer.add_message(channel, log_time=0, data=bytes(size), publish_time=0, sequence=number)
+            writer.flush()
+        writer.finish()
+    size = (session / TELEMETRY).stat().st_size
+    for words in (["session", "replay"], ["session", "recover"], ["shots", "--out", str(tmp_path / "out")]):
+        assert main([*words, str(session)]) == 2 and f"{session / TELEMETRY}: {said}" in capsys.readouterr().err
+    assert (session / TELEMETRY).stat().st_size == size
+    if topic == "/other":
+        with pytest.raises(InputError, match=said):
+            list(salvage((session / TELEMETRY).read_bytes(), session / TELEMETRY))
 
 
 def test_lz4_is_unpacked_no_further_and_zeros_are_damage_at_once(session: Path) -> None:
