@@ -378,15 +378,18 @@ class _Guessing:
 
     def _find_outcome(self) -> tuple[str, Counter[str]] | None:
         """The signal that says how shots ended, by its name or by its words alone, and how often it says which."""
-        found = list[tuple[float, int, str, Counter[str]]]()
+        found, rest = list[tuple[float, int, str, Counter[str]]](), list[str]()
         for key, series in self.free.items():
             cells = ([outcome_text(cell) for table in self.tables for cell in table.columns.get(key, ())] if self.tables
                      else [] if series.numeric else [maps.plain(value) for value in series.changes().values])
             counts = Counter(cells)
-            points = any(counts.keys() - {""} <= numbers for numbers in POINTS)
-            if (points or not series.numeric) and (weight := self._weight(key, counts)):
+            if weight := self._weight(key, counts):
                 found.append((weight, -len(found), key, counts))
+            elif self.tables and _is_named(key, counts):
+                rest.append(f"outcome: not {key}: {next(text for text, _ in counts.most_common() if text)!r} and the "
+                            "like are no outcomes; write words, or 0, 2 and 3, or 0 and 1")
         if not found:
+            self.lines += rest
             return None
         *_, key, counts = max(found, key=lambda one: one[:2])
         del self.free[key]
@@ -398,7 +401,9 @@ class _Guessing:
         Of another name than theirs, all its words must be outcomes, a hit and a miss among them, and not just yes and
         no; in a log, where more than balls is in or out, words of maps.
         """
-        said, named = {*words_of(key)}, bool(says(key, "outcome"))
+        said, named, texts = {*words_of(key)}, _is_named(key, counts), counts.keys() - GROUPS["idle"]
+        if all(parse_number(text) is not None for text in texts) and not any(texts <= points for points in POINTS):
+            return 0.0
         words = {text: word for text in counts if text and (word := _meaning(text) or OPEN.get(text))
                  and (named or self.tables or text in maps.MARKS or text in maps.NOT_MARKED)}
         known = sum(counts[text] for text in words) / max(sum(counts.values()) - counts[""], 1)
@@ -459,6 +464,13 @@ def _series(name: str, cells: list[cols.Cell]) -> Series | None:
     if 2 * numbers.count(None) >= len(numbers):
         return Series(name, t_s, tuple(str(cells[row]).strip() for row in rows), each_row=True)
     return Series(name, t_s, np.array(numbers, dtype=float), each_row=True)
+
+
+def _is_named(key: str, counts: Counter[str]) -> bool:
+    """Whether a signal is called as outcomes are; one such as Ball in, by yes and no, too, as distances are in inches.
+    """
+    went_in = "in" in {*words_of(key)} <= GROUPS["went_in"] and counts.keys() - {""} <= GROUPS["yes_no"]
+    return went_in or bool(says(key, "outcome"))
 
 
 def _meaning(text: str) -> str | None:
