@@ -306,7 +306,7 @@ class _Guessing:
         what = f"{numbers[wrong[0]]:g} in {self._place(rows[wrong[0]])} is" if few else (
             f"{numbers.min():.4g} to {numbers.max():.4g} are")
         looks = f"; these look like {likely[0]}: rename it to {maps.in_unit(series.name, likely[0])}" if likely else ""
-        return f"{what} beyond {low:g} to {high:g} {own}{f', in {unit}' if unit != own else ''}{looks}"
+        return f"{what} beyond {low:g} to {high:g} {own}{f', in {unit}' if unit not in ('', own) else ''}{looks}"
 
     def _place(self, row: float) -> str:
         """Where a row of a table is, or when one of a log."""
