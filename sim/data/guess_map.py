@@ -487,10 +487,12 @@ def _meaning(text: str) -> str | None:
 def _proposed(text: str, hit: str) -> str:
     """The likeliest meaning of a text whose words are known, if at all, one by one: off the rim, a ball is in or out.
     """
-    parts = [text, *re.split(r"[\s,;_-]+", text)]
-    certain, open_ = ([known[one] for one in parts if one in known] for known in (SAID_OF_SHOTS, OPEN))
+    if len(text) == 1 and text.isalpha():
+        return "?"                    # t may be three or timeout, x a hit or a miss: the command asks
+    parts = [text, *re.findall(r"\d[\d.]*|[^\W\d_]+", text)]
+    certain, open_ = ([known[one] for one in parts if known.get(one)] for known in (SPELLINGS | SAID_OF_SHOTS, OPEN))
     word = min(certain, key=ORDER.index, default="") or min(open_, key=ORDER.index, default=maps.NOT_MARKED[0])
-    word = next(filter(SCORES.__contains__, open_), hit) if word == "hit" else word
+    word = next(filter(SCORES.__contains__, open_ + certain), hit) if word == "hit" else word
     return hit if word in SCORES and hit == "hit" else word
 
 

@@ -204,6 +204,13 @@ def test_outcomes_in_numbers_and_words(name: str, cells: str, said: str, rig: Pa
     assert any(said in line for line in guess([mine], rig).lines)
 
 
+def test_words_beside_points_are_proposed_by_these_and_letters_are_asked_about(rig: Path, tmp_path: Path) -> None:
+    rig.write_text(RIG.replace("three_half_height_m = 0.0", "three_half_height_m = 0.1"))
+    words = {"3 pts": "three", "2pts": "two", "made 2": "two", "t": "?", "x": "?", "?": "rejected", "fell off": "miss"}
+    mine = sheet(tmp_path, "Dist (ft),Angle,RPM,Result", *(f"10,45,3000,{word}" for word in words))
+    assert guess([mine], rig).proposed == words
+
+
 @pytest.mark.parametrize(("name", "unit"), [
     ("Dist (ft)", "ft"), ("Dist [in.]", "in"), ("dist_ft", "ft"), ("Dist ft", "ft"), ("dist_cm", "cm"),
     ("Angle (°)", "deg"), ("Hood angle", ""), ("Wheel RPM (top)", "rpm"), ("Speed (rad/s)", "rad_s"),
