@@ -36,6 +36,7 @@ ZERO = {"k": 273.15, "f": 32.0}       # in that unit, of a unit that is read; of
 UNITS = {suffix: suffix for read, others in CONVERTED.items() for suffix in (read, *others)}
 UNITS |= {word: unit for unit, words in tomllib.loads(
     Path(__file__).with_name("units.toml").read_text(encoding="utf-8")).items() for word in words}
+NOUNS = {"m": "distance", "s": "time", "deg": "angle", "rad_s": "speed"}            # of keys that are units alone
 REVOLUTION_DEG = 360.0
 SUFFIX = re.compile(r"(radians?persec(?:ond)?|rad(?:s)?per?sec|rotations?per(?:sec(?:ond)?|minute)|deg(?:rees)?persec|"
                     r"meterspersec(?:ond)?|mps|rpm|rps|radians?|rads?|degrees?|degs?|rotations?|rots?|meters?|inches|"
@@ -80,15 +81,16 @@ def unit_in(key: str) -> str:
 
 
 def in_unit(key: str, unit: str) -> str:
-    """Return the name of a key whose numbers are in another unit: Dist (in) for Dist (ft), distance_in for distance_m.
-    """
+    """Return the name of a key whose numbers are in another unit: Dist (in) for Dist (ft), distance_in for distance_m,
+    speed (rad_s) for RPM."""
     last = BRACKETS.search(key)
-    if last and last[1].lower() in UNITS:
+    if last and last.start() and last[1].lower() in UNITS:
         return f"{key[:last.start(1)]}{unit}{key[last.end(1):]}"
     if own := max((one for one in UNITS if key.lower().endswith(f"_{one}")), key=len, default=""):
         return f"{key.removesuffix(key[-len(own):])}{unit}"
     found = SUFFIX.search(key) or CAMEL.search(key)
-    return f"{key[:found.start()].rstrip() if found else key} ({unit})"
+    noun = NOUNS.get(next(read for read, others in CONVERTED.items() if unit in (read, *others)), "number")
+    return f"{(key[:found.start()].rstrip() if found else '' if last and not last.start() else key) or noun} ({unit})"
 
 
 # --- the map

@@ -7,6 +7,7 @@ factor of BETTER with the slip undone. Less is a warning.
 
 import math
 import re
+import shlex
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -61,7 +62,10 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
         objections = [_named(objection, dataset) for objection in _objections(dataset)]
     refused = [objection for objection in objections if not objection.warns and objection.check not in accept]
     if refused:
-        anew = [f"Correct the file, and import it anew: {dataset.imported}"] if dataset.imported else []
+        shots = Path(dataset.shots.source)
+        again = f"truearc check {shlex.quote(str(shots.parent))}" if shots.suffix in (".csv", ".parquet") else ""
+        anew = ([f"Correct the file, and import it anew: {dataset.imported}"] if dataset.imported else
+                [f"Correct the file, and run: {again}"] if again else [])
         raise InputError("\n".join([*(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; if the "
                                       f"data are right as recorded: --accept {objection.check})"
                                       for objection in refused), *anew]))

@@ -306,7 +306,7 @@ class _Guessing:
         what = f"{numbers[wrong[0]]:g} in {self._place(rows[wrong[0]])} is" if few else (
             f"{numbers.min():.4g} to {numbers.max():.4g} are")
         looks = f"; these look like {likely[0]}: rename it to {maps.in_unit(series.name, likely[0])}" if likely else ""
-        return f"{what} beyond {low:g} to {high:g} {own}{f', in {unit}' if unit != own else ''}{looks}"
+        return f"{what} beyond {low:g} to {high:g} {own}{f', in {unit}' if unit not in ('', own) else ''}{looks}"
 
     def _place(self, row: float) -> str:
         """Where a row of a table is, or when one of a log."""
@@ -378,15 +378,18 @@ class _Guessing:
 
     def _find_outcome(self) -> tuple[str, Counter[str]] | None:
         """The signal that says how shots ended, by its name or by its words alone, and how often it says which."""
-        found = list[tuple[float, int, str, Counter[str]]]()
+        found, rest = list[tuple[float, int, str, Counter[str]]](), list[str]()
         for key, series in self.free.items():
             cells = ([outcome_text(cell) for table in self.tables for cell in table.columns.get(key, ())] if self.tables
                      else [] if series.numeric else [maps.plain(value) for value in series.changes().values])
             counts = Counter(cells)
-            points = any(counts.keys() - {""} <= numbers for numbers in POINTS)
-            if (points or not series.numeric) and (weight := self._weight(key, counts)):
+            if weight := self._weight(key, counts):
                 found.append((weight, -len(found), key, counts))
+            elif self.tables and _is_named(key, counts):
+                rest.append(f"outcome: not {key}: {next(text for text, _ in counts.most_common() if text)!r} and the "
+                            "like are no outcomes; write words, or 0, 2 and 3, or 0 and 1")
         if not found:
+            self.lines += rest
             return None
         *_, key, counts = max(found, key=lambda one: one[:2])
         del self.free[key]
@@ -398,7 +401,9 @@ class _Guessing:
         Of another name than theirs, all its words must be outcomes, a hit and a miss among them, and not just yes and
         no; in a log, where more than balls is in or out, words of maps.
         """
-        said, named = {*words_of(key)}, bool(says(key, "outcome"))
+        said, named, texts = {*words_of(key)}, _is_named(key, counts), counts.keys() - GROUPS["idle"]
+        if all(parse_number(text) is not None for text in texts) and not any(texts <= points for points in POINTS):
+            return 0.0
         words = {text: word for text in counts if text and (word := _meaning(text) or OPEN.get(text))
                  and (named or self.tables or text in maps.MARKS or text in maps.NOT_MARKED)}
         known = sum(counts[text] for text in words) / max(sum(counts.values()) - counts[""], 1)
@@ -461,6 +466,13 @@ def _series(name: str, cells: list[cols.Cell]) -> Series | None:
     return Series(name, t_s, np.array(numbers, dtype=float), each_row=True)
 
 
+def _is_named(key: str, counts: Counter[str]) -> bool:
+    """Whether a signal is called as outcomes are; one such as Ball in, by yes and no, too, as distances are in inches.
+    """
+    went_in = "in" in {*words_of(key)} <= GROUPS["went_in"] and counts.keys() - {""} <= GROUPS["yes_no"]
+    return went_in or bool(says(key, "outcome"))
+
+
 def _meaning(text: str) -> str | None:
     """What a text says of a shot, as a word of a map; None where that is not certain."""
     if text in maps.MARKS or text in maps.NOT_MARKED:
@@ -475,10 +487,12 @@ def _meaning(text: str) -> str | None:
 def _proposed(text: str, hit: str) -> str:
     """The likeliest meaning of a text whose words are known, if at all, one by one: off the rim, a ball is in or out.
     """
-    parts = [text, *re.split(r"[\s,;_-]+", text)]
-    certain, open_ = ([known[one] for one in parts if one in known] for known in (SAID_OF_SHOTS, OPEN))
+    if len(text) == 1 and text.isalpha():
+        return "?"                    # t may be three or timeout, x a hit or a miss: the command asks
+    parts = [text, *re.findall(r"\d[\d.]*|[^\W\d_]+", text)]
+    certain, open_ = ([known[one] for one in parts if known.get(one)] for known in (SPELLINGS | SAID_OF_SHOTS, OPEN))
     word = min(certain, key=ORDER.index, default="") or min(open_, key=ORDER.index, default=maps.NOT_MARKED[0])
-    word = next(filter(SCORES.__contains__, open_), hit) if word == "hit" else word
+    word = next(filter(SCORES.__contains__, open_ + certain), hit) if word == "hit" else word
     return hit if word in SCORES and hit == "hit" else word
 
 

@@ -25,7 +25,7 @@ import pyarrow.parquet as pq
 
 from truearc.errors import MAX_BYTES, InputError, load_bytes
 from truearc.robot.config.rig_spec import MOST
-from truearc.robot.config.shot_map import CONVERTED, ZERO, unit_of
+from truearc.robot.config.shot_map import BRACKETS, CONVERTED, ZERO, in_unit, unit_of
 from truearc.robot.config.shot_map import WHEEL as WHEEL
 from truearc.sim.data.dataset import Floats, Written
 
@@ -440,22 +440,51 @@ def number_column(table: RawTable, name: str, problems: Problems, needed: bool =
         more = f"; here and in {len(rows) - 1} more rows" if len(rows) >= ALIKE else ""
         for row in rows[:1 if more else None]:
             table.fault(problems, row, name, f"{table.columns[name][row]!r} is not a finite number{todo}{more}")
-    alike = len(beyond) >= ALIKE and len(beyond) > np.isfinite(values).sum()
+    others = values[np.isfinite(values)]
+    most = np.array([*beyond.values(), *(others if len(beyond) <= len(others) else ())])
+    looks = _slip_of_all(table, name, most) if beyond else ""
+    alike = len(beyond) >= ALIKE and (len(beyond) > len(others) or bool(looks))
     for row, number in list(beyond.items())[:1 if alike else None]:
-        table.fault(problems, row, name, _beyond(table, name, number, values[np.isfinite(values)])
+        table.fault(problems, row, name, _beyond(table, name, number, others, looks)
                     + (f"; here and in {len(beyond) - 1} more rows" if alike else ""))
     return values
 
 
-def _beyond(table: RawTable, name: str, number: float, others: Floats) -> str:
-    """What to say of a number out of its column's range; others: those that are not."""
+def _units(table: RawTable, name: str, values: Floats, least: float, most: float) -> list[str]:
+    """The units in which numbers of a column, as in the file, would be within a span."""
+    own, (_, factor, zero) = unit_of(name), table.written.get(name, ("", 1.0, 0.0))
+    return [unit for unit, size in ({own: 1.0} | CONVERTED.get(own, {})).items() if own and len(values) and (
+        (least <= (read := (values / factor + zero - ZERO.get(unit, 0.0)) * size)) & (read <= most)).all()]
+
+
+def _slip_of_all(table: RawTable, name: str, values: Floats) -> str:
+    """What a column's numbers, some of which are out of range, are together: of another column, or unit; "" for none.
+    """
+    def likely(column: str, value: float) -> bool:
+        low, high = VOCABULARY["likely"].get("wheel" if WHEEL.fullmatch(column) else column, (math.inf, 0.0))
+        return bool(low <= value <= high)
+    middle, (written, factor, zero) = float(np.median(values)), table.written.get(name, (name, 1.0, 0.0))
+    units = _units(table, name, values, *VOCABULARY["likely"].get(name, (math.inf, 0.0)))
+    for other, cells in table.columns.items():
+        numbers = [number for cell in cells if (number := parse_number(cell)) is not None]
+        its = float(np.median(numbers or [math.nan]))
+        called, size, start = table.written.get(other, (other, 1.0, 0.0))
+        if (likely(other, (middle / factor + zero - start) * size) and not likely(name, middle)
+                and likely(name, (its / size + start - zero) * factor) and not (units and likely(other, its))):
+            return f"{written} and {called} look exchanged: exchange their names"
+    names = [in_unit(written, unit) if BRACKETS.search(written) else name.removesuffix(unit_of(name)) + unit
+             for unit in units]
+    return f"rename the column to {' or '.join(names)}" if names else ""
+
+
+def _beyond(table: RawTable, name: str, number: float, others: Floats, looks: str) -> str:
+    """What to say of a number out of its column's range; others: those that are not; looks: what the column does."""
     low, high = RANGES[name]
-    _, factor, zero = table.written.get(name, ("", 1.0, 0.0))
-    converted, own = (factor, zero) != (1.0, 0.0), unit_of(name)
-    likely = [unit for unit, size in ({own: 1.0} | CONVERTED.get(own, {})).items()
-              if own and len(others) and others.min() <= (number / factor + zero) * size <= others.max()]
-    looks = "make sure that its unit is as its name says" if converted else VOCABULARY["looks"].get(name, "")
-    looks = f"the others suggest that it is in {likely[0]}" if likely else looks
+    likely = _units(table, name, np.array([number]), others.min(initial=math.inf), others.max(initial=-math.inf))
+    suggested = f"the others suggest that it is in {' or '.join(likely)}" if likely else ""
+    converted = table.written.get(name, ("", 1.0, 0.0))[1:] != (1.0, 0.0)
+    looks = looks or suggested or ("make sure that its unit is as its name says" if converted else
+                                   VOCABULARY["looks"].get(name, ""))
     if number < low == 0.0:
         looks = VOCABULARY["below"].get(name, "")
     said, least, most = (table.shown(name, value) for value in (number, low, high))

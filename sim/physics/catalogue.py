@@ -368,6 +368,8 @@ def terms_of_file(path: str | Path, known: Iterable[Term]) -> tuple[Term, ...]:
     Raises:
         InputError: names the file, and the line where it fails; a term that is incomplete, or whose name is taken.
     """
+    if Path(path).suffix != ".py":
+        raise InputError(f"{path}: is not a Python file; name one: --terms-from FILE.py (docs/how-to/add-a-term.md)")
     module = _module_of(str(path), load_text(path))
     found = _checked(_as_terms(terms_in(module), str(path)), list(known), str(path))
     if not found:

@@ -1,5 +1,6 @@
 """A file that is given to the wrong command is named with the command to use; nothing ends in a traceback."""
 
+import re
 import shutil
 from argparse import ArgumentTypeError
 from pathlib import Path
@@ -17,6 +18,7 @@ GIVEN = {
     "wind.csv": ("table", "truearc import csv wind.csv --guess --rig rig.toml -o DIR"),
     "loops.csv": ("table", "truearc import csv loops.csv --guess --rig rig.toml -o DIR"),
     "mine.xlsx": ("table", "truearc import csv mine.xlsx --guess --rig rig.toml -o DIR"),
+    "mine.ods": ("workbook", "truearc import csv FILE.xlsx --guess --rig rig.toml -o DIR"),
     "alone.toml": ("rig", "truearc identifiability alone.toml"),
     "launcher.toml": ("launcher", "truearc doctor --config launcher.toml"),
     "gate.onnx": ("gate", "truearc serve gate.onnx"),
@@ -34,6 +36,8 @@ LINES = {
     "import csv wind.csv --map X --rig data/rig.toml -o out": (("shot-map",), ""),
     "import csv wind.csv --guess --rig X -o out": (("rig",), "init DIR"),
     "shots X -o out": (("session",), "emulate --out X"), "check X": (("dataset",), "init X"),
+    "fit data --terms-from X": (("python",), ""), "vision X": (("picture", "empty"), ""),
+    "vision-calibrate --board chessboard:9x6:0.025 X": (("picture",), ""),
     "fit X -o out": (("dataset",), "init X"), "discover X": (("dataset",), "init X"),
     "discover data --belief X": (("coefficients",), "fit DIR -o X"), "design X": (("dataset",), "init X"),
     "predict X --cd 1 --cl 1": (("dataset",), "init X"), "predict data --gate X": (("gate",), "export WEIGHTS -o X"),
@@ -62,6 +66,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
                          (ROOT / "robot/config/maps/ftc-csv.toml", "shots.toml")):
         shutil.copy(source, home / name)
     for name, data in (("wind.csv", b"a,b\n1,2\n"), ("loops.csv", LOOPS.encode()), ("mine.xlsx", b"PK\x03\x04"),
+                       ("mine.ods", b"PK\x03\x04"),
                        ("a.wpilog", b"WPILOG\x00\x01"), ("a.mcap", b"\x89MCAP0\r\n"), ("empty.csv", b""),
                        ("junk", b"\x01\x02\xff")):
         (home / name).write_bytes(data)
@@ -122,3 +127,11 @@ def test_a_range_in_other_words_is_answered_with_its_form(text: str, hint: str) 
     with pytest.raises(ArgumentTypeError, match=f"--distances {hint}"):
         parse_distances(text)
     assert len(parse_distances(hint)) == 7
+
+
+def test_a_refusal_of_written_data_ends_in_the_command_that_checks_them(files, tmp_path, capsys):
+    data = shutil.copytree(files / "data", tmp_path / "data")
+    rig = (data / "rig.toml").read_text(encoding="utf-8")
+    (data / "rig.toml").write_text(re.sub(r"(?m)^mass_kg = .*", "mass_kg = 270.0", rig), encoding="utf-8")
+    assert main(["check", str(data)]) == 2
+    assert capsys.readouterr().err.endswith(f"Correct the file, and run: truearc check {data}\n")

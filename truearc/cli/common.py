@@ -202,7 +202,8 @@ def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> 
         names = rows.fieldnames or ()
         column = next((name for name in columns if name in names), None)
         if column is None or "file" not in names:
-            raise InputError(f"{path}:1: missing column {columns[0] if 'file' in names else 'file'!r}")
+            raise InputError(f"{path}:1: missing column {columns[0] if 'file' in names else 'file'!r}; a row names a "
+                             f"picture and its taped distance: file,{columns[0]}")
         for row in rows:
             if None in row:           # a comma too many, such as a decimal one
                 raise InputError(f"{path}:{rows.line_num}: more cells than columns: is a decimal point a comma?")

@@ -13,7 +13,8 @@ HEAD_BYTES = 65_536
 MARKS = ((b"WPILOG", "wpilog"), (b"\x89MCAP", "mcap"), (b"PAR1", "table"), (b"\xff\xd8\xff", "picture"),
          (b"\x89PNG", "picture"))
 SCHEMA = re.compile(r'schema"?\s*[=:]\s*"truearc\.([a-z-]+)/')
-ENDS = {".onnx": "gate", ".csv": "table", ".xlsx": "table", ".txt": "table", ".parquet": "table"}
+ENDS = {".onnx": "gate", ".csv": "table", ".xlsx": "table", ".txt": "table", ".parquet": "table",
+        ".xls": "workbook", ".ods": "workbook", ".py": "python"}
 FOLDERS = (("session.json", "session"), ("shots.csv", "dataset"), ("shots.parquet", "dataset"),
            ("physics.json", "weights"), ("weights.npz", "weights"))
 

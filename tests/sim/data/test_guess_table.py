@@ -193,6 +193,24 @@ def test_yes_and_no_and_sides_are_no_outcomes(column: str, rig: Path, tmp_path: 
     assert not found.map.outcome.key and any(line.startswith("outcome: none found") for line in found.lines)
 
 
+@pytest.mark.parametrize(("name", "cells", "said"), [
+    ("Result", "2 3 miss", "outcome: Result: 2 = two, 3 = three"), ("Result", "1 0 miss", "outcome: Result: 1 = hit"),
+    ("Result", "0 2 3 n/a", "0 = miss, 2 = two, 3 = three, n/a = rejected"), ("Points", "0 2 3", "outcome: Points: 0"),
+    ("Notes", "2 3 short", "outcome: Notes: 2 = two, 3 = three, short = miss-low"),
+    ("Ball in?", "Y N", "outcome: Ball in?: y = hit, n = miss"), ("In range?", "Y N", "outcome: none found"),
+    ("Score", "5 0 10 5", "outcome: not Score: '5' and the like are no outcomes; write words, or 0, 2 and")])
+def test_outcomes_in_numbers_and_words(name: str, cells: str, said: str, rig: Path, tmp_path: Path) -> None:
+    mine = sheet(tmp_path, f"Dist (ft),Angle,RPM,{name}", *(f"10,45,3000,{cell}" for cell in cells.split() * 3))
+    assert any(said in line for line in guess([mine], rig).lines)
+
+
+def test_words_beside_points_are_proposed_by_these_and_letters_are_asked_about(rig: Path, tmp_path: Path) -> None:
+    rig.write_text(RIG.replace("three_half_height_m = 0.0", "three_half_height_m = 0.1"))
+    words = {"3 pts": "three", "2pts": "two", "made 2": "two", "t": "?", "x": "?", "?": "rejected", "fell off": "miss"}
+    mine = sheet(tmp_path, "Dist (ft),Angle,RPM,Result", *(f"10,45,3000,{word}" for word in words))
+    assert guess([mine], rig).proposed == words
+
+
 @pytest.mark.parametrize(("name", "unit"), [
     ("Dist (ft)", "ft"), ("Dist [in.]", "in"), ("dist_ft", "ft"), ("Dist ft", "ft"), ("dist_cm", "cm"),
     ("Angle (°)", "deg"), ("Hood angle", ""), ("Wheel RPM (top)", "rpm"), ("Speed (rad/s)", "rad_s"),

@@ -175,6 +175,7 @@ NEAR = {"Shot": [*range(1, 13)], "Dist (ft)": [8.5 + k for k in range(12)], "Ang
 @pytest.mark.parametrize(("old", "new", "by", "said"), [
     ("Dist (ft)", "Dist (m)", lambda k, x: 304.8 * x, "distance_m: not Dist (m): 2591 to 5944 are beyond 0 to 100 m; "
      "these look like mm: rename it to Dist (mm)"),
+    ("Dist (ft)", "Dist", lambda k, x: 304.8 * x, "are beyond 0 to 100 m; these look like mm: rename it to Dist (mm)"),
     ("Dist (ft)", "DistanceFt", lambda k, x: 30.48 * x, "these look like cm: rename it to Distance (cm)"),
     ("Dist (ft)", "Dist (ft)", lambda k, x: 4300 if k == 5 else x, "mine.csv:7: Dist (ft): 4300 is out of range (0 "
      "to 328.084); the others suggest that it is in mm"),
@@ -213,7 +214,9 @@ def test_times_that_do_not_rise_are_said(times: list[int], said: str, tmp_path: 
 
 @pytest.mark.parametrize(("name", "unit", "new"), [
     ("Dist (ft)", "in", "Dist (in)"), ("distance_m", "ft", "distance_ft"), ("wheel_a_rad_s", "rpm", "wheel_a_rpm"),
-    ("DistanceMM", "in", "Distance (in)"), ("Top RPM", "rad_s", "Top (rad_s)"), ("Angle", "rad", "Angle (rad)")])
+    ("DistanceMM", "in", "Distance (in)"), ("Top RPM", "rad_s", "Top (rad_s)"), ("Angle", "rad", "Angle (rad)"),
+    ("RPM", "rad_s", "speed (rad_s)"), ("(rpm)", "rad_s", "speed (rad_s)"), ("deg", "rad", "angle (rad)"),
+    ("feet", "in", "distance (in)")])
 def test_a_heading_in_another_unit_is_read_as_that(name: str, unit: str, new: str) -> None:
     assert in_unit(name, unit) == new and unit_in(new) == unit
 

@@ -73,11 +73,17 @@ BEYOND = "is out of range"
     ("shot_id,hood_deg,\na,40,\nb,41,7\n", "1: column '' is unnamed, and has '7' in line 3; name it"),
     ("shot_id,,hood_deg\na,,40\n", "1: column '' is unnamed"),
     *((f"shot_id,{header}\na,{cells}\n", said) for header, cells, said in (
-        ("distance_cm,hood_deg", "12000,40", f"2: distance_cm: 12000 {BEYOND} (0 to 10000); make sure that its unit"),
-        ("distance_m,hood_rad", "4,30", f"2: hood_rad: 30 {BEYOND} (0 to 1.5708); make sure that its unit"),
+        ("distance_cm,hood_deg", "12000,40", f"2: distance_cm: 12000 {BEYOND} (0 to 10000); rename the column to "
+         "distance_mm"),
+        ("distance_m,hood_rad", "4,30", f"2: hood_rad: 30 {BEYOND} (0 to 1.5708); rename the column to hood_deg"),
         ("distance_m,temperature_f", "4,-460", f"2: temperature_f: -460 {BEYOND} (-130 to 140)"),
         ("distance_in,hood_deg", "far,40", "2: distance_in: 'far' is not a finite number"),
-        ("Distance M,hood_deg", "400,40", f"2: Distance M: 400 {BEYOND} (0 to 100); if centimetres"),
+        ("Distance M,hood_deg", "400,40", f"2: Distance M: 400 {BEYOND} (0 to 100); rename the column to distance_mm "
+         "or distance_cm or distance_in"),
+        ("distance_m,hood_deg", "60,40\nb,70,40\nc,240,41", f"4: distance_m: 240 {BEYOND} (0 to 100); rename the "
+         "column to distance_cm or distance_in"),
+        ("hood_deg,wheel_main_rad_s", "190,45\nb,200,11", "hood_deg and wheel_main_rad_s look exchanged: exchange"),
+        ("hood_deg,wheel_main_rpm", "3000,45\nb,3100,46", "hood_deg and wheel_main_rpm look exchanged: exchange"),
         ("distance_m,Outcome", "4,hit it", "2: Outcome: 'hit it' is none of miss, two, three")))])
 def test_what_cannot_be_meant_is_refused_with_what_to_write(tmp_path: Path, shots: str, said: str) -> None:
     with pytest.raises(ta.InputError) as error:
@@ -86,12 +92,12 @@ def test_what_cannot_be_meant_is_refused_with_what_to_write(tmp_path: Path, shot
 
 
 @pytest.mark.parametrize(("name", "value", "said"), [
-    ("temperature_c", 293.15, "if kelvins, rename the column to temperature_k"),
-    ("temperature_c", 68.0, "if degrees Fahrenheit, to temperature_f"),
+    ("temperature_c", 293.15, "rename the column to temperature_k"),
+    ("temperature_c", 68.0, "rename the column to temperature_f"),
     ("pressure_pa", 1013.0, "rename .* pressure_hpa"),
-    ("battery_v", 12600.0, "if millivolts, rename the column to battery_mv"), ("mass_kg", 142.0, "to mass_g"),
-    ("radius_m", 89.0, "if millimetres, rename the column to radius_mm"), ("motor_ratio", 57.9, "divide by 100"),
-    ("miss_height_m", 300.0, "to miss_height_mm"), ("robot_speed_m_s", 30.0, "")])
+    ("battery_v", 12600.0, "rename the column to battery_mv"), ("mass_kg", 142.0, "to mass_g"),
+    ("radius_m", 89.0, "rename the column to radius_mm"), ("motor_ratio", 57.9, "divide by 100"),
+    ("miss_height_m", 300.0, "to miss_height_mm or miss_height_cm"), ("robot_speed_m_s", 30.0, "")])
 def test_numbers_that_cannot_be_name_the_likely_unit(tmp_path: Path, name: str, value: float, said: str) -> None:
     with pytest.raises(ta.InputError, match=rf"shots\.csv:2: {name}: [0-9.]+ is out of range.*{said}"):
         load(tmp_path, f"shot_id,{name}\na,{value}\n")
@@ -147,7 +153,7 @@ def test_a_column_in_another_unit_is_one_problem_and_a_few_bad_cells_are_each_on
         load(tmp_path, "shot_id,distance_m,hood_deg\na,400,91\nb,3,92\nc,500,93\nd,450,40\ne,,41\nf,,42\ng,,43\n")
     assert [line.partition("shots.csv:")[2].partition(" is out")[0] for line in str(raised.value).splitlines()] == [
         "2: distance_m: 400", "2: hood_deg: 91", "3: hood_deg: 92", "4: hood_deg: 93"]
-    assert "to distance_in; here and in 2 more rows" in str(raised.value)
+    assert "or distance_in; here and in 2 more rows" in str(raised.value)
 
 
 @pytest.mark.parametrize(("name", "value", "read", "is_"), [
