@@ -57,7 +57,7 @@ def test_what_moves_heights_as_a_term_does_is_as_plain_as_the_term() -> None:
     rng = np.random.default_rng(4)
     by = rng.normal(0.0, 0.1, (N, 3))
     plane = PlaneScores(np.arange(N), heights(N, rng), rng.normal(0.0, 0.3, N), rng.uniform(0.1, 0.2, N), by,
-                  np.zeros((N, 3)), np.zeros((N, 3)))
+                  np.zeros((N, 1, 3)), np.zeros((N, 3)))
     columns = (column("wind_x.speed_m_s", "term"), column("a", "shared"), column("b", "shared"))
     silent = np.zeros((N, 3))
     found = make_evidence(np.arange(N), columns, np.zeros(3), silent, np.zeros((N, 3, 3)), plane, np.diag([0.1, 2.0]),

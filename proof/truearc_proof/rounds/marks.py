@@ -124,10 +124,11 @@ def strength_of(evidence: ScoreTable, shift_m: Array) -> float | None:
     mine = np.nan_to_num(shift_m[evidence.rows[plane.rows]])
     none = np.zeros((len(mine), 1))
     deal = evidence.deal.some(plane.rows)
-    by, wider, spread = (np.concatenate([first, deal.spread(part)[:, shared]], axis=1) for first, part in (
-        (mine[:, None], plane.by_column), (none, plane.wider_by), (none, plane.log_spread_by)))
-    info = plane_terms(replace(plane, by_column=by, wider_by=wider, log_spread_by=spread), plane.seen, plane.mean_m,
-                       plane.spread_m)[1].sum(0)
+    by, spread, *moved = (np.concatenate([first, deal.spread(part)[:, shared]], axis=1) for first, part in (
+        (mine[:, None], plane.by_column), (none, plane.log_spread_by),
+        *((none, part) for part in np.moveaxis(plane.moved_by, 1, 0))))
+    plane = replace(plane, by_column=by, moved_by=np.stack(moved, axis=1), log_spread_by=spread)
+    info = plane_terms(plane, plane.seen, plane.mean_m, plane.spread_m)[1].sum(0)
     taken = np.linalg.solve(info[1:, 1:] + evidence.precision, info[1:, 0])
     return float(info[0, 0] - info[0, 1:] @ taken)
 

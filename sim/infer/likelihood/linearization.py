@@ -14,7 +14,6 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, Prediction, see_in_blocks
 from truearc.sim.infer.likelihood.layout import Layout, Point
@@ -207,7 +206,7 @@ def _scaled(layout: Layout, linear: Float[Array, "n C"], bend: Float[Array, "n C
         return linear, bend, plane
     scale = np.concatenate([np.ones(len(layout.columns) - layout.grouped), groups.scale])
     if plane is not None:
-        plane = replace(plane, by_column=plane.by_column * scale, wider_by=plane.wider_by * scale,
+        plane = replace(plane, by_column=plane.by_column * scale, moved_by=plane.moved_by * scale,
                         log_spread_by=plane.log_spread_by * scale)
     return linear * scale, bend * scale[:, None] * scale, plane
 
@@ -393,9 +392,9 @@ def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization, ch
     near = seen.near[rows]
     slope = np.where(near[:, None, None], slopes.plane[rows], 0.0)
     by_deviate = slope[:, 0, inputs:]
-    by_column, wider = np.zeros((2, len(rows), count))
+    by_column, moved = np.zeros((len(rows), count)), np.zeros((len(rows), intake.seen.moves, count))
     by_column[:, columns] = slope[:, 0, :inputs]
-    wider[:, columns] = slope[:, 2:4, :inputs].mean(1)
+    moved[:, 0, columns] = slope[:, 2:4, :inputs].mean(1)
     by_column += np.einsum("md,mdp->mp", by_deviate, left.mean_by[rows])
     mean = seen.plane[rows, 0] + np.einsum("md,md->m", by_deviate, left.mean[rows] - spot.deviates[rows])
     variance = np.einsum("md,mde,me->m", by_deviate, left.covariance[rows], by_deviate) + FLOOR_M**2
@@ -408,13 +407,5 @@ def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization, ch
             log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2) / variance
     wider_by = np.exp(np.clip(flown.log_spread_by @ change, -2.0, 2.0))
     spread = np.where(near, np.sqrt(variance) * wider_by[rows], 1.0)
-    return PlaneScores(rows, _opening(intake, seen, rows), np.where(near, mean, FAR_BELOW_M), spread, by_column, wider,
-                 log_spread)
-
-
-def _opening(intake: Intake, seen: Prediction, rows: Int[Array, " m"]) -> outcomes.OutcomeObservations:
-    """The observations, of the opening as it is at the spot: arrival terms may have moved its borders."""
-    if intake.rig.target is None:
-        return intake.seen
-    wider_m = float((seen.plane[rows, 3] - intake.rig.target.two_half_height_m).mean())
-    return outcomes.reopened(intake.seen, wider_m) if wider_m != 0.0 else intake.seen
+    marks = intake.seen.at(np.asarray(seen.plane)[rows])
+    return PlaneScores(rows, marks, np.where(near, mean, FAR_BELOW_M), spread, by_column, moved, log_spread)

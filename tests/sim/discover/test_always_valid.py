@@ -29,7 +29,7 @@ def make_table(outcome: tuple[str, ...], by: np.ndarray, sd_m: float = 0.05, wid
                   {"outcome": outcome, "side": ("",) * n})
     slopes = np.column_stack([by, np.full(n, sd_m)])
     plane = PlaneScores(np.arange(n), see_outcomes(shots, TARGET)[1], np.zeros(n), np.full(n, SPREAD_M), slopes,
-                        wider_m * np.array([[1.0, 0.0, 0.0]] * n), np.zeros_like(slopes))
+                        wider_m * np.array([[[1.0, 0.0, 0.0]]] * n), np.zeros_like(slopes))
     columns = (column("wind.speed", "term"), column("hood.angle", "term"), column("speed", "shared"))
     return make_evidence(np.arange(n), columns, np.zeros(3), np.zeros((n, 3)), np.zeros((n, 3, 3)), plane, np.eye(1),
                          np.zeros(1), np.zeros(n))
