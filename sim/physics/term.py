@@ -272,11 +272,16 @@ class BallState(NamedTuple):
 
 
 class Opening(NamedTuple):
-    """The opening that a ball has to pass at the target plane; heights in m, as in rig.toml [target]."""
+    """The opening that a ball has to pass at the target; in m, as in rig.toml [target].
+
+    The halves are of an upright opening's height; of one that faces up they are the ring's radius and half the length
+    toward the launcher. bounce: share of the speed into a backboard with which the ball comes back.
+    """
 
     centre_m: Any
     three_half_m: Any
     two_half_m: Any
+    bounce: Any = 0.6                 # chosen: as of foam balls off plywood; a basketball's off glass is 0.7 to 0.8
 
 
 class Term(ABC):
