@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.robot.config.rig_spec import Target
+from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots, Times, Tracks
+from truearc.sim.infer.likelihood.ground import see_landings
 from truearc.sim.infer.likelihood.heights import see_heights
 from truearc.sim.infer.likelihood.noise import STILL_M, TIMED_M, UNMEASURED_M
 from truearc.sim.infer.likelihood.outcomes import Outcomes
@@ -17,12 +18,14 @@ from truearc.sim.infer.likelihood.outcomes import Outcomes
 Array = np.ndarray
 
 
-def see_outcomes(shots: Shots, target: Target | None) -> tuple[Int[Array, " n"], Outcomes]:
+def see_outcomes(shots: Shots, rig: Rig) -> tuple[Int[Array, " n"], Outcomes]:
     """Return (rows [n] with a usable outcome, side or measured height, the observations).
 
     InputError when there are outcomes but no [target] in rig.toml.
     """
-    return see_heights(shots, target)
+    if rig.target is not None and rig.target.faces_up:
+        return see_landings(shots, rig, rig.target)
+    return see_heights(shots, rig.target)
 
 
 # Chosen: twice the three numbers of a parabola

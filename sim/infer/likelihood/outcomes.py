@@ -7,7 +7,7 @@ measurements assumed to be wrong, so that no single one can dominate the fit.
 """
 
 from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,17 +19,36 @@ CLASSES = {"miss": 0.0, "two": 1.0, "three": 2.0}
 SIDED_SHARE = 0.5                     # of misses (of twos) must have a side before that counts as noted of them
 
 
+class Nodes(NamedTuple):
+    """Nodes of the launches of k shots that hardly reach the rim.
+
+    rows [k]: the shots. weight [k, q]; along_m, across_m [k, q]: from the means; plane [k, q, 9]: arrivals, as
+    Prediction.plane; reached [k, q].
+    """
+
+    rows: Int[Array, " k"]
+    weight: Float[Array, "k q"]
+    along_m: Float[Array, "k q"]
+    across_m: Float[Array, "k q"]
+    plane: Float[Array, "k q 9"]
+    reached: Bool[Array, "k q"]
+
+
 @runtime_checkable
 class Outcomes(Protocol):
     """Observations of n arrivals.
 
     height_m [n]: the observable where it was measured itself (nan elsewhere), which beats the class. classes [n]: 0
-    miss, 1 two, 2 three, nan not given. moves: how many further numbers the borders depend on; the first is metres by
+    miss, 1 two, 2 three, nan not given. axes: how many coordinates of Prediction.plane scatter; the first is the
+    observable, the second lies across. moves: how many further numbers the borders depend on; the first is metres by
     which all borders lie farther out. slips: a measured height may be one.
     """
 
     @property
     def moves(self) -> int: ...
+
+    @property
+    def axes(self) -> int: ...
 
     @property
     def height_m(self) -> Numbers: ...
@@ -46,8 +65,15 @@ class Outcomes(Protocol):
     def without_slips(self) -> "Outcomes":
         """Return the same, where no measured height is a slip."""
 
-    def at(self, plane: Float[Array, "n k"]) -> "Outcomes":
-        """Return the observations at these arrivals (Prediction.plane): of the opening as it is there."""
+    def at(self, plane: Float[Array, "n k"], across_m: Float[Array, "n 2"] | None = None,
+           nodes: Nodes | None = None) -> "Outcomes":
+        """Return the observations at these arrivals (Prediction.plane): of the opening as it is there.
+
+        across_m: mean and spread of the second axis. nodes: of shots whose observable is not normal.
+        """
+
+    def moves_by(self, slope: Float[Array, "n k columns"]) -> Float[Array, "n moves columns"]:
+        """Return slopes of the further numbers from those of the arrivals."""
 
     def moved(self, change: Float[Array, "n moves"]) -> "Outcomes":
         """Return the observations after the further numbers change."""

@@ -50,7 +50,7 @@ def heights(n: int, rng: np.random.Generator) -> Outcomes:
     measured = np.where(rng.random(n) < 0.3, rng.normal(0.0, 0.3, n), np.nan)
     shots = Shots(tuple(map(str, range(n))), {"miss_height_m": measured},
                   {"outcome": tuple(outcome.tolist()), "side": tuple(side.tolist())})
-    return see_outcomes(shots, FACTS.target)[1]
+    return see_outcomes(shots, FACTS)[1]
 
 
 def with_plane(seed: int, n: int = 12, wide: int = 4) -> ScoreTable:

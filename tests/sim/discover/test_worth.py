@@ -10,7 +10,7 @@ from truearc.robot.config.rig_spec import Target
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.investigate import ball_effects, usual_gain, usual_score
 from truearc.sim.discover.select.simulations import HoldOut, ShotPoints, points_of
-from truearc.sim.infer.likelihood.observations import see_outcomes
+from truearc.sim.infer.likelihood.heights import see_heights
 from truearc.sim.infer.likelihood.outcomes import Outcomes
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 
@@ -26,7 +26,7 @@ def see(height_m: np.ndarray, measured: bool = False, side: bool = True) -> Outc
     shots = Shots(tuple(map(str, range(len(height_m)))),
                   {"miss_height_m": height_m if measured else np.full(len(height_m), np.nan)},
                   {"outcome": tuple(outcome.tolist()), "side": tuple(sides.tolist())})
-    return see_outcomes(shots, TARGET)[1]
+    return see_heights(shots, TARGET)[1]
 
 
 def scored(miss_m: np.ndarray) -> np.ndarray:
