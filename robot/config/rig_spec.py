@@ -146,7 +146,7 @@ TERMS = ("hood_offset", "hood_backlash", "encoder_scale", "distance_scale", "dis
          "exit_efficiency", "wheel_droop", "ball_compression", "ball_wear", "ball_spread", "battery_sag", "rapid_fire",
          "release_height", "spin_decay", "wind_x", "wind_y", "wind_z", "gravity", "drag", "magnus", "spin_drag",
          "drag_reynolds", "lift_saturation", "drag_wear", "air_density", "air_change", "buoyancy", "added_mass",
-         "target_height", "rim_catch")
+         "target_height", "rim_catch", "backboard_bounce")
 RADIAN_STEP, RADIAN_SLIP = math.pi / 12.0, 0.005  # clock angles in radians are multiples of it, as rounded
 
 

@@ -7,6 +7,8 @@ from typing import Any, Literal
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
+from truearc.errors import InputError
+
 
 class Backboard(Struct, frozen=True):
     """An upright board behind an opening that faces up, as wide as any ball comes."""
@@ -93,6 +95,12 @@ def misplaced(table: Any) -> Iterator[tuple[str, str]]:
     if isinstance(target, dict) and target.get("facing") == "up":
         yield from ((f"target.{key}", "is of an upright opening; one that faces up has a shape with sizes, and a table "
                      "[target.ring] if a part of it scores more") for key in HEIGHTS if key in target)
+
+
+def refuse_up(target: Target | None, doing: str) -> None:
+    """Raise InputError for an opening that faces up, where `doing` does not know it yet."""
+    if target is not None and target.faces_up:
+        raise InputError(f"rig.toml: target.facing: is up, and {doing} knows only openings that face front so far")
 
 
 def target_errors(target: Target, ball_radius_m: float) -> Iterator[tuple[str, str]]:

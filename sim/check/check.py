@@ -203,9 +203,10 @@ def _each(reading: Reading, known: Fit) -> Iterator[Flaw]:
 
 
 def ups(shots: Shots) -> Floats:
-    """Return 1 for shots that passed high, -1 for low ones, by the side or else the height; 0 where neither says it."""
+    """Return 1 for shots that passed high or came down long, -1 for low or short ones, by the side or else the height;
+    0 where neither says it."""
     side, height = np.array(shots.text("side")), np.nan_to_num(shots.number("miss_height_m"))
-    return np.select([side == "high", side == "low"], [1.0, -1.0], np.sign(height))
+    return np.select([np.isin(side, ("high", "long")), np.isin(side, ("low", "short"))], [1.0, -1.0], np.sign(height))
 
 
 def _unexplained(reading: Reading, whose: np.ndarray, known: Fit) -> Iterator[Flaw]:

@@ -81,6 +81,9 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
     shots, rig = _settle_hits(shots, rig, has_three, problems)
     checked = replace(_shots(shots, problems), written=shots.written)
     _check_sides(shots, checked.texts, rig, problems)
+    if rig.target is not None and rig.target.faces_up and "miss_height_m" in shots.columns:
+        shots.fault(problems, -1, "miss_height_m", "is of an upright opening; the one of rig.toml faces up: note the "
+                    "side of misses instead, short, long, left or right")
     _check_wheels(shots, rig, problems)
     row_of = {name: row for row, name in enumerate(checked.shot_id)}
     tracks = tracks and cols.in_read_units(tracks, TRACK_COLUMNS.__contains__, problems)

@@ -312,6 +312,7 @@ class Term(ABC):
         indoor_sd: Standard deviation of the amplitude in a closed hall, if different.
         calibration_sd: For a tracker calibration fitted with every track: standard deviation of the amplitude's prior;
             None: the amplitude is tested like any other.
+        of_backboard: Tested only of targets with a backboard.
         compared: Whether a tested tracker calibration is compared with an earlier session's, like fitted ones.
     """
 
@@ -334,6 +335,7 @@ class Term(ABC):
     law_sd: ClassVar[float | None] = None
     indoor_sd: ClassVar[float | None] = None
     calibration_sd: ClassVar[float | None] = None
+    of_backboard: ClassVar[bool] = False
     compared: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:

@@ -221,7 +221,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
     free to have other balls, so that both absorb alike what the belief leaves, and as uncertain as without the belief,
     which must not be counted twice.
     """
-    catalogue = known_terms.as_catalogue(among)
+    catalogue = known_terms.as_catalogue(among).of(intake.rig)
     check_believed((name for name in believed if belief is None or name not in belief.coefficients), catalogue)
     slots = tuple((term.name, p.name) for term in catalogue for p in term.parameters)
     usual = np.array([float(p.default) for term in catalogue for p in term.parameters])
