@@ -7,7 +7,7 @@ backboard above the rim bounces: its speed into the board returns as the share `
 its surface, as for a solid ball that grips (Garwin 1969; Cross 2002). Whether it goes in is a matter of its size: it
 clears the near edge, where its path there is a straight line, if (along + half) sin(angle) >= radius; at the other
 edges its centre must be inside, since a ball that touches the inner wall below the rim usually goes in.
-docs/explanation/targets.md has the figures.
+docs/reference/dataset.md has the keys.
 """
 
 import math

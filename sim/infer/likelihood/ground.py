@@ -32,7 +32,8 @@ WORDS = {"miss": (SHORT, LONG, LEFT, RIGHT), "two": (HIT,), "three": (RING,)}
 ACROSS, ACROSS_SPREAD, BOUNCE = 1, 2, 3          # of the further numbers; the first widens all edges
 MOVES = 4
 # Derived: a normal distribution between them is summed to 1e-7
-NODES, TAILS = 24, 6.0                # of Gauss-Legendre between two corners; standard deviations to the last node
+FINE = 24, 6.0                        # nodes of Gauss-Legendre between two corners; standard deviations to the last
+ROUGH = 12, 4.5                       # likewise, of each of many launches; to 1e-4
 STEPS = np.array([1e-3, 1e-3, 1e-5, 1e-5, 1e-3, 1e-4])       # of slopes; the first in standard deviations
 BISECTIONS = 40
 # Of a shot whose flight is not yet known: as steep, and as far to the side
@@ -109,7 +110,7 @@ class GroundOutcomes:
             one = replace(self, nodes=None).take(rows[many])
             flat = replace(one, plane=plane.reshape(len(many), -1),
                            across_m=one.across_m + np.stack([across_m.ravel(), np.zeros(len(many))], axis=1))
-            each = _cells(flat, mean_m[rows][many] + along_m.ravel(), spread_m[rows][many])
+            each = _cells(flat, mean_m[rows][many] + along_m.ravel(), spread_m[rows][many], *ROUGH)
             each = np.where(reached.ravel()[:, None], each, np.eye(len(CELLS))[SHORT])
             found[rows] = (each.reshape(*weight.shape, -1) * weight[:, :, None]).sum(1)
         return found
@@ -120,9 +121,14 @@ class GroundOutcomes:
     def log_likelihood(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
         return np.asarray(np.log(_with_lapses(self.share(mean_m, spread_m))))
 
-    def slopes(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> tuple[Float[Array, " n"], ...]:
-        return tuple((1.0 - LAPSE) * (by * self.allowed).sum(1) / _with_lapses(self.share(mean_m, spread_m))
-                     for by in self._slopes_of_cells(mean_m, spread_m))
+    def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
+                               ) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, "n 6 6"]]:
+        cells, each = self.cells(mean_m, spread_m), self._slopes_of_cells(mean_m, spread_m)
+        seen = _with_lapses((cells * self.allowed).sum(1))
+        slopes = tuple((1.0 - LAPSE) * (by * self.allowed).sum(1) / seen for by in each)
+        groups = self._told_apart()
+        by = (1.0 - LAPSE) * np.stack(each, axis=1) @ groups.T
+        return slopes, np.asarray((by / _with_lapses(cells @ groups.T)[:, None]) @ np.swapaxes(by, 1, 2))
 
     def _slopes_of_cells(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> list[Float[Array, "n 6"]]:
         """Of the chances of CELLS by mean, log spread and each further number, by central differences."""
@@ -141,12 +147,6 @@ class GroundOutcomes:
             more, less = (self.moved(sign * step).cells(mean_m, spread_m) for sign in (1.0, -1.0))
             found.append((more - less) / (2.0 * STEPS[2 + number]))
         return found
-
-    def information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 6 6"]:
-        groups = self._told_apart()
-        chance = _with_lapses(self.cells(mean_m, spread_m) @ groups.T)
-        by = (1.0 - LAPSE) * np.stack(self._slopes_of_cells(mean_m, spread_m), axis=1) @ groups.T
-        return np.asarray((by / chance[:, None]) @ np.swapaxes(by, 1, 2))
 
     def _told_apart(self) -> Float[Array, "k 6"]:
         """1 where a cell is part of an outcome that the operator tells apart."""
@@ -214,13 +214,14 @@ def _angle(plane: Float[Array, "n 9"]) -> Float[Array, " n"]:
     return np.arctan2(plane[:, 5], plane[:, 4])
 
 
-def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 6"]:
+def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"], nodes: int = FINE[0],
+           tails: float = FINE[1]) -> Float[Array, "n 6"]:
     """The chances of CELLS for normal misses along and across."""
     middle = seen.across_m[:, 0] + seen.change[:, ACROSS]
     spread = seen.across_m[:, 1] * np.exp(np.clip(seen.change[:, ACROSS_SPREAD], -2.0, 2.0))
     wider = np.maximum(seen.plane[:, 3] - seen.target.two_half_height_m + seen.change[:, 0],
                        -min(seen.target.half_sizes_m))               # no opening is smaller than nothing
-    y, weight, end = _across(seen, wider, middle, spread)
+    y, weight, end = _across(seen, wider, middle, spread, nodes, tails)
     short, long, hit, ring = _by_place(seen, wider, y, mean_m[:, None], spread_m[:, None])
     cells = np.zeros((len(mean_m), len(CELLS)))
     cells[:, SHORT], cells[:, LONG] = (weight * short).sum(1), (weight * long).sum(1)
@@ -230,19 +231,22 @@ def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Arr
 
 
 def _across(seen: GroundOutcomes, wider_m: Float[Array, " n"], middle_m: Float[Array, " n"],
-            spread_m: Float[Array, " n"]) -> tuple[Float[Array, "n q"], Float[Array, "n q"], Float[Array, " n"]]:
+            spread_m: Float[Array, " n"], nodes: int, tails: float
+            ) -> tuple[Float[Array, "n q"], Float[Array, "n q"], Float[Array, " n"]]:
     """(places across, their weights, half the opening's width): nodes between its corners, where balls come down."""
     target = seen.target
-    x, w = np.polynomial.legendre.leggauss(NODES)
+    x, w = np.polynomial.legendre.leggauss(nodes)
     end = target.half_sizes_m[1] + wider_m * _reach_across(target)
-    low, high = middle_m - TAILS * spread_m, middle_m + TAILS * spread_m
+    low, high = middle_m - tails * spread_m, middle_m + tails * spread_m
     corners = np.array(_corners(target)) * end[:, None]
     if target.three_half_height_m > 0.0:
         ring = np.clip(seen.plane[:, 2] + seen.change[:, 0], 0.0, end)[:, None]
         corners = np.sort(np.concatenate([corners, ring, -ring], axis=1), axis=1)
-    places, weights = [], []
+    places, weights = [middle_m[:, None]], [np.zeros_like(middle_m)[:, None]]        # one at least
     for first, last in pairwise(corners.T):
         a, b = (np.clip(edge, first, last) for edge in (low, high))
+        if not (a < b).any():                       # no ball comes down there
+            continue
         if target.shape == "circle":                # by the angle: its length has no slope at its ends
             a, b = (np.arcsin(np.clip(edge / end, -1.0, 1.0)) for edge in (a, b))
         at = 0.5 * (a + b)[:, None] + 0.5 * (b - a)[:, None] * x

@@ -86,6 +86,10 @@ class HeightOutcomes:
         nats = np.logaddexp(density, np.log(LAPSE / SLIP_M))
         return nats, np.exp(density - nats), off
 
+    def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
+                               ) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, "n 3 3"]]:
+        return self.slopes(mean_m, spread_m), self.information(mean_m, spread_m)
+
     def slopes(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> tuple[Float[Array, " n"], ...]:
         chance = (1.0 - LAPSE) * _chance(self.low, self.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
         by_mean, by_log, by_width = (_edge_slopes(self.low, mean_m, spread_m)

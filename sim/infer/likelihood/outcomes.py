@@ -81,11 +81,10 @@ class Outcomes(Protocol):
     def log_likelihood(self, mean_m: Numbers, spread_m: Numbers) -> Numbers:
         """Return the log-likelihood [n], for an observable normal(mean_m, spread_m)."""
 
-    def slopes(self, mean_m: Numbers, spread_m: Numbers) -> tuple[Numbers, ...]:
-        """Return derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by the further numbers."""
-
-    def information(self, mean_m: Numbers, spread_m: Numbers) -> Float[Array, "n J J"]:
-        """Return the expected information on the arguments of `slopes`, over all distinguishable outcomes."""
+    def slopes_and_information(self, mean_m: Numbers,
+                               spread_m: Numbers) -> tuple[tuple[Numbers, ...], Float[Array, "n J J"]]:
+        """Return derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by the further numbers; and the
+        expected information on these, over all distinguishable outcomes."""
 
     def class_chances(self, mean_m: Numbers, spread_m: Numbers) -> Float[Array, "n 3"]:
         """Return the probability [n, 3] of miss, two and three, including slips."""

@@ -16,9 +16,12 @@ from truearc.sim.infer.launcher import USUAL_SCATTER
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.ground import CELLS, USUAL_PLANE, GroundOutcomes, see_landings
 from truearc.sim.infer.likelihood.layout import Point, lay_out, only_shared
-from truearc.sim.infer.likelihood.linearization import linearise
+from truearc.sim.infer.likelihood.linearization import fly, linearise
 from truearc.sim.infer.likelihood.noise import FLOOR_M, LAPSE
 from truearc.sim.infer.likelihood.score_table import PlaneScores
+from truearc.sim.physics.catalogue import flight_terms
+from truearc.sim.physics.facing_up import land
+from truearc.sim.physics.term import Exit, Opening
 
 RADIUS_M, G, MANY = reference.RADIUS_M, reference.GRAVITY_M_S2, 1_000_000
 HUB = Target(1.83, facing="up", shape="polygon", across_flats_m=1.06, sides=6)
@@ -107,7 +110,8 @@ def test_slopes_and_information_are_those_of_what_can_happen():
     n, rng = len(rows), np.random.default_rng(1)
     seen = seen.moved(np.tile(rng.normal(0.0, 0.02, 4), (n, 1)))
     mean, spread = np.full(n, 0.12), np.full(n, 0.15)
-    slopes = np.stack(seen.slopes(mean, spread), axis=1)
+    each, information = seen.slopes_and_information(mean, spread)
+    slopes = np.stack(each, axis=1)
     up, down = (seen.log_likelihood(mean + step, spread) for step in (1e-4, -1e-4))
     np.testing.assert_allclose(slopes[:, 0], (up - down) / 2e-4, rtol=1e-4)
     wider = np.zeros((n, 4))
@@ -117,7 +121,7 @@ def test_slopes_and_information_are_those_of_what_can_happen():
     chance = np.exp(seen.log_likelihood(mean, spread))
     assert chance.sum() == pytest.approx(1.0 + LAPSE * (n / 3.0 - 1.0), abs=1e-6)
     expected = np.einsum("k,ki,kj->ij", chance, slopes, slopes)
-    np.testing.assert_allclose(seen.information(mean, spread)[0], expected, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(information[0], expected, rtol=1e-6, atol=1e-9)
 
 
 def plane_of(rig: Rig, distance_m, speed_m_s, hood_deg) -> PlaneScores:
@@ -166,6 +170,31 @@ def configurations() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             ahead = speed_m_s[-1] * math.cos(math.radians(deg))
             distance_m.append(ahead * (up + math.sqrt(2 * G * top)) / G + 0.05)
     return np.array(distance_m), np.array(speed_m_s), np.array(hood_deg)
+
+
+def test_landings_of_the_likelihood_are_those_of_fine_steps():
+    rng, n = np.random.default_rng(8), 40
+    distance_m, hood_deg, speed_m_s = rng.uniform(2.0, 5.0, n), rng.uniform(50.0, 75.0, n), rng.uniform(6.0, 9.0, n)
+    rig = msgspec.structs.replace(GUPPY, target=HUB, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
+    numbers = {"distance_m": distance_m, "hood_deg": hood_deg, "exit_speed_m_s": speed_m_s,
+               "exit_spin_rev_s": rng.uniform(0.0, 6.0, n)}
+    shots = Shots(tuple(map(str, range(n))), numbers, {"outcome": ("miss",) * n})
+    intake = take_in(Dataset("d", rig, shots))
+    layout = only_shared(lay_out(intake, ("gravity", "drag", "magnus")))
+    values = layout.usual.copy()
+    for slot, value in {("drag", "cd"): 0.6, ("magnus", "cl"): 0.1}.items():
+        values[layout.chain.slots.index(slot)] = value
+    seen = fly(intake, layout, Point.still(layout, n, values, USUAL_SCATTER)).seen.plane
+    fine = land(rig, flight_terms(("gravity", "drag", "magnus")), {"drag": {"cd": 0.6}, "magnus": {"cl": 0.1}},
+                Exit(speed_m_s, np.radians(hood_deg), numbers["exit_spin_rev_s"]), distance_m, Opening(1.83, 0.0, 0.53))
+    clear = np.nan_to_num(np.asarray(fine.rise_m) - fine.along_m, nan=0.0) < -0.6
+    assert clear.sum() > 20
+    np.testing.assert_allclose(seen[clear, 0], np.asarray(fine.along_m)[clear], atol=1e-3)
+    angle = np.arctan2(seen[clear, 5], seen[clear, 4])
+    np.testing.assert_allclose(angle, np.asarray(fine.angle_rad)[clear], atol=1e-3)
+    # a ball that never rises to the rim is short, and the shorter the more it lacks
+    never = np.isnan(fine.along_m)
+    assert (seen[never, 0] <= -0.53).all() and (seen[never, 6] < 0.0).all()
 
 
 def test_chances_are_those_of_many_flights_even_where_they_graze_the_rim():
