@@ -55,8 +55,8 @@ class Plane(NamedTuple):
 
     distance_m: Any
     height_m: Any
-    sine: float
-    cosine: float
+    sine: Any
+    cosine: Any
 
     @classmethod
     def of(cls, target: Target, distance_m: Any, height_m: Any) -> "Plane":
@@ -150,7 +150,8 @@ def _fly_down(law: Law, start: BallState, step: Any, plane: Plane, wall_m: Any) 
         goes_on = trip.flying & (flight._lowest_m(old, new, step) >= 0.0) & (new.time_s < LIMIT_S)
         ball = jax.tree.map(lambda a, b: jnp.where(goes_on, b, a), old, new)
         seen = tuple(had | at for had, at in zip(trip.seen, now, strict=True))
-        return _Trip(trip.steps + 1, goes_on, ball, *kept, seen)
+        rose, fell, met = kept
+        return _Trip(trip.steps + 1, goes_on, ball, rose, fell, met, seen)
 
     most = math.ceil(LIMIT_S / (STEP_S * SHORTEST))
     never = jnp.zeros(jnp.shape(start.position_m.x), dtype=bool)
@@ -185,9 +186,10 @@ def _landing(law: Law, trip: _Trip, step: Any, plane: Plane) -> Landing:
     def along(ball: BallState) -> Any:
         return plane.along(ball.position_m.x - plane.distance_m, ball.position_m.z - plane.height_m)
 
-    numbers = (along(there), place.y, angle, there.time_s)
-    return Landing(*(jnp.where(trip.seen[1], one, jnp.nan) for one in numbers),
-                   jnp.where(trip.seen[0], along(rose), -jnp.inf), jnp.zeros_like(trip.seen[0]))
+    along_m, across_m, angle_rad, time_s = (jnp.where(trip.seen[1], one, jnp.nan)
+                                            for one in (along(there), place.y, angle, there.time_s))
+    return Landing(along_m, across_m, angle_rad, time_s, jnp.where(trip.seen[0], along(rose), -jnp.inf),
+                   jnp.zeros_like(trip.seen[0]))
 
 
 def half_along(target: Target, across_m: Any, wider_m: Any = 0.0) -> Any:

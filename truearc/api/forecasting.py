@@ -104,9 +104,9 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
                                                     for row in rows))
 
 
-def _notes(shots: Shots, height_m: list[float], provenance: Mapping[str, Any]) -> list[str]:
+def _notes(shots: Shots, places_m: Sequence[float], provenance: Mapping[str, Any]) -> list[str]:
     """What to know of each forecast; "" where there is nothing."""
-    notes: list[list[str]] = [[NOT_REACHED] if height != height else [] for height in height_m]
+    notes: list[list[str]] = [[NOT_REACHED] if place != place else [] for place in places_m]
     fitted = provenance.get("range", {})
     for name, (low, high) in fitted.items() if isinstance(fitted, Mapping) else ():
         room = ROUNDING * (high - low)

@@ -162,7 +162,7 @@ class GroundOutcomes:
     def chance(self, shot: int, mean_m: Any, spread_m: Any, change: Sequence[Any]) -> Any:
         mean, spread, *moved = np.broadcast_arrays(mean_m, spread_m, *change)
         some = self.take(np.full(mean.size, shot)).moved(np.stack([part.ravel() for part in moved], axis=1))
-        return _with_lapses(some.share(mean.ravel(), spread.ravel())).reshape(mean.shape)
+        return np.reshape(_with_lapses(some.share(mean.ravel(), spread.ravel())), mean.shape)
 
     def hit_chance(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
         cells = self.cells(mean_m, spread_m)
@@ -182,7 +182,7 @@ class GroundOutcomes:
                 seen = (self.cells(along_m, exact) * self.allowed).sum(1)
                 points += seen * (self.cells(along_m + offset_m, exact) @ self.worth)
                 total += seen
-        return points / total
+        return np.asarray(points / total)
 
     def points(self) -> Float[Array, " n"]:
         return np.asarray(self.worth[np.array([SHORT, HIT, RING])[np.nan_to_num(self.classes).astype(int)]])
@@ -211,7 +211,7 @@ def _with_lapses(chance: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 
 def _angle(plane: Float[Array, "n 9"]) -> Float[Array, " n"]:
-    return np.arctan2(plane[:, 5], plane[:, 4])
+    return np.asarray(np.arctan2(plane[:, 5], plane[:, 4]))
 
 
 def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"], nodes: int = FINE[0],
