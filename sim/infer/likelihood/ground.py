@@ -34,7 +34,7 @@ MOVES = 4
 # Derived: a normal distribution between them is summed to 1e-7
 FINE = 24, 6.0                        # nodes of Gauss-Legendre between two corners; standard deviations to the last
 ROUGH = 12, 4.5                       # likewise, of each of many launches; to 1e-4
-STEPS = np.array([1e-3, 1e-3, 1e-5, 1e-5, 1e-3, 1e-4])       # of slopes; the first in standard deviations
+STEP = 1e-5                           # of differences, in m, and of the board's bounce
 BISECTIONS = 40
 # Of a shot whose flight is not yet known: as steep, and as far to the side
 USUAL_PLANE = (0.0, 0.0, 0.0, 0.0, 2.5, 3.5, 0.6, 0.6, 0.0)
@@ -103,16 +103,22 @@ class GroundOutcomes:
 
     def cells(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 6"]:
         """Return the chance of each of CELLS, without lapses."""
-        found = _cells(self, mean_m, spread_m)
+        return np.asarray(self._cells_by(mean_m, spread_m, False)[0])
+
+    def _cells_by(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"], by: bool) -> Float[Array, "k n 6"]:
+        """The chances of CELLS; where `by`, then their derivatives, as _cells has them."""
+        found = _cells(self, mean_m, spread_m, by)
         if self.nodes is not None:
             rows, weight, along_m, across_m, plane, reached = self.nodes
             many = np.repeat(np.arange(len(rows)), weight.shape[1])
             one = replace(self, nodes=None).take(rows[many])
             flat = replace(one, plane=plane.reshape(len(many), -1),
                            across_m=one.across_m + np.stack([across_m.ravel(), np.zeros(len(many))], axis=1))
-            each = _cells(flat, mean_m[rows][many] + along_m.ravel(), spread_m[rows][many], *ROUGH)
-            each = np.where(reached.ravel()[:, None], each, np.eye(len(CELLS))[SHORT])
-            found[rows] = (each.reshape(*weight.shape, -1) * weight[:, :, None]).sum(1)
+            each = _cells(flat, mean_m[rows][many] + along_m.ravel(), spread_m[rows][many], by, *ROUGH)
+            never = np.zeros((len(each), 1, len(CELLS)))
+            never[0, 0, SHORT] = 1.0
+            each = np.where(reached.ravel()[:, None], each, never)
+            found[:, rows] = (each.reshape(len(each), *weight.shape, -1) * weight[:, :, None]).sum(2)
         return found
 
     def share(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -123,30 +129,22 @@ class GroundOutcomes:
 
     def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
                                ) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, "n 6 6"]]:
-        cells, each = self.cells(mean_m, spread_m), self._slopes_of_cells(mean_m, spread_m)
+        cells, by_mean, by_log, by_across, by_log_across = self._cells_by(mean_m, spread_m, True)
+        each = [by_mean, by_log, self._difference(0, mean_m, spread_m), by_across, by_log_across,
+                np.zeros_like(cells) if isinstance(self.target.backboard, UnsetType)
+                else self._difference(BOUNCE, mean_m, spread_m)]
         seen = _with_lapses((cells * self.allowed).sum(1))
         slopes = tuple((1.0 - LAPSE) * (by * self.allowed).sum(1) / seen for by in each)
         groups = self._told_apart()
         by = (1.0 - LAPSE) * np.stack(each, axis=1) @ groups.T
         return slopes, np.asarray((by / _with_lapses(cells @ groups.T)[:, None]) @ np.swapaxes(by, 1, 2))
 
-    def _slopes_of_cells(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> list[Float[Array, "n 6"]]:
-        """Of the chances of CELLS by mean, log spread and each further number, by central differences."""
-        step_m = STEPS[0] * spread_m
-        factor = np.exp(STEPS[1])
-        found = [(self.cells(mean_m + step_m, spread_m) - self.cells(mean_m - step_m, spread_m))
-                 / (2.0 * step_m[:, None]),
-                 (self.cells(mean_m, spread_m * factor) - self.cells(mean_m, spread_m / factor)) / (2.0 * STEPS[1])]
-        board = not isinstance(self.target.backboard, UnsetType)
-        for number in range(MOVES):
-            if number == BOUNCE and not board:
-                found.append(np.zeros_like(found[0]))
-                continue
-            step = np.zeros((len(mean_m), MOVES))
-            step[:, number] = STEPS[2 + number]
-            more, less = (self.moved(sign * step).cells(mean_m, spread_m) for sign in (1.0, -1.0))
-            found.append((more - less) / (2.0 * STEPS[2 + number]))
-        return found
+    def _difference(self, number: int, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 6"]:
+        """Derivative of the chances of CELLS by one of the further numbers, by central differences."""
+        step = np.zeros((len(mean_m), MOVES))
+        step[:, number] = STEP
+        more, less = (self.moved(sign * step).cells(mean_m, spread_m) for sign in (1.0, -1.0))
+        return np.asarray((more - less) / (2.0 * STEP))
 
     def _told_apart(self) -> Float[Array, "k 6"]:
         """1 where a cell is part of an outcome that the operator tells apart."""
@@ -214,19 +212,30 @@ def _angle(plane: Float[Array, "n 9"]) -> Float[Array, " n"]:
     return np.asarray(np.arctan2(plane[:, 5], plane[:, 4]))
 
 
-def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"], nodes: int = FINE[0],
-           tails: float = FINE[1]) -> Float[Array, "n 6"]:
-    """The chances of CELLS for normal misses along and across."""
+def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"], by: bool,
+           nodes: int = FINE[0], tails: float = FINE[1]) -> Float[Array, "k n 6"]:
+    """The chances of CELLS for normal misses along and across; where `by`, then their derivatives by the mean and the
+    log spread along, and by those across."""
     middle = seen.across_m[:, 0] + seen.change[:, ACROSS]
     spread = seen.across_m[:, 1] * np.exp(np.clip(seen.change[:, ACROSS_SPREAD], -2.0, 2.0))
     wider = np.maximum(seen.plane[:, 3] - seen.target.two_half_height_m + seen.change[:, 0],
                        -min(seen.target.half_sizes_m))               # no opening is smaller than nothing
     y, weight, end = _across(seen, wider, middle, spread, nodes, tails)
-    short, long, hit, ring = _by_place(seen, wider, y, mean_m[:, None], spread_m[:, None])
-    cells = np.zeros((len(mean_m), len(CELLS)))
-    cells[:, SHORT], cells[:, LONG] = (weight * short).sum(1), (weight * long).sum(1)
-    cells[:, HIT], cells[:, RING] = (weight * (hit - ring)).sum(1), (weight * ring).sum(1)
-    cells[:, LEFT], cells[:, RIGHT] = ndtr((middle - end) / spread), ndtr((-middle - end) / spread)
+    short, long, hit, ring = _by_place(seen, wider, y, mean_m[:, None], spread_m[:, None], by)
+    cells = np.zeros((5 if by else 1, len(mean_m), len(CELLS)))
+    places = (SHORT, short), (LONG, long), (HIT, hit - ring), (RING, ring)
+    for cell, chance in places:
+        cells[:3, :, cell] = (weight * chance).sum(2)
+    z = np.stack([middle - end, -middle - end]) / spread             # beyond the left and the right end
+    cells[0, :, LEFT], cells[0, :, RIGHT] = ndtr(z)
+    if by:
+        off = (y - middle[:, None]) / spread[:, None]
+        for cell, chance in places:
+            cells[3, :, cell] = (weight * off * chance[0]).sum(1) / spread
+            cells[4, :, cell] = (weight * (off**2 - 1.0) * chance[0]).sum(1)
+        density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+        cells[3, :, LEFT], cells[3, :, RIGHT] = density * np.array([[1.0], [-1.0]]) / spread
+        cells[4, :, LEFT], cells[4, :, RIGHT] = -z * density
     return cells
 
 
@@ -278,8 +287,9 @@ def _corners(target: Target) -> list[float]:
 
 
 def _by_place(seen: GroundOutcomes, wider: Float[Array, " n"], y: Float[Array, "n q"], mean: Float[Array, "n 1"],
-              spread: Float[Array, "n 1"]) -> tuple[Float[Array, "n q"], ...]:
-    """Chances of short, long, hit and ring at places across."""
+              spread: Float[Array, "n 1"], by: bool) -> tuple[Float[Array, "k n q"], ...]:
+    """Chances of short, long, hit and ring at places across; where `by`, then their derivatives by mean and log spread.
+    """
     half = np.maximum(half_along(seen.target, y, wider[:, None]), 0.0)
     ring = np.sqrt(np.maximum((seen.plane[:, [2]] + seen.change[:, [0]])**2 - y**2, 0.0)) * (
         seen.target.three_half_height_m > 0.0)
@@ -288,29 +298,32 @@ def _by_place(seen: GroundOutcomes, wider: Float[Array, " n"], y: Float[Array, "
     arch = (seen.plane[:, 4] * seen.plane[:, 5] / seen.gravity_m_s2)[:, None]
 
     def below(edge: Any) -> Any:
-        return ndtr((edge - mean) / spread)
+        z = (edge - mean) / spread
+        if not by:
+            return ndtr(z)[None]
+        density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+        return np.stack([ndtr(z), -density / spread, -z * density])
 
     def within(low: Any, high: Any) -> Any:
-        return np.maximum(below(high) - below(low), 0.0)
+        return below(np.maximum(high, low)) - below(low)
 
+    whole = np.array([1.0, 0.0, 0.0])[:3 if by else 1, None, None]
     low, rises = clear - half, 2.0 * arch - half - clear            # beyond `rises` it rose in front of the near edge
     high = np.minimum(half, rises)
-    short, hit = below(low) + 1.0 - below(np.maximum(rises, low)), within(low, high)
-    inner = within(np.maximum(low, -ring), np.minimum(high, ring))
+    short = below(low) + whole - below(np.maximum(rises, low))
     if isinstance(seen.target.backboard, UnsetType):
-        return short, 1.0 - short - hit, hit, inner
+        hit, inner = within(low, high), within(np.maximum(low, -ring), np.minimum(high, ring))
+        return short, whole - short - hit, hit, inner
     board = _Board(seen)
-    wall, top = board.wall_m, board.top_m
-    hit, inner = within(low, np.minimum(high, wall)), within(np.maximum(low, -ring), np.minimum(np.minimum(high, ring),
-                                                                                                wall))
+    wall, top = board.wall_m, np.minimum(board.top_m, rises)
+    high = np.minimum(high, wall)
     back = clearance(seen.target, seen.radius_m[:, None], board.angle)
     near, far = board.origin(-half), board.origin(half - back)        # of the opening, as it is seen from the board
-    top = np.minimum(top, rises)
-    hit = hit + within(np.maximum(far, wall), np.minimum(near, top))
-    inner = inner + within(np.maximum(board.origin(np.minimum(ring, half - back)), wall),
-                           np.minimum(board.origin(-ring), top)) * (ring > 0.0)
+    hit = within(low, high) + within(np.maximum(far, wall), np.minimum(near, top))
+    inner = within(np.maximum(low, -ring), np.minimum(high, ring)) + (ring > 0.0) * within(
+        np.maximum(board.origin(np.minimum(ring, half - back)), wall), np.minimum(board.origin(-ring), top))
     short = short + within(np.maximum(near, wall), top)             # back over the near edge
-    return short, 1.0 - short - hit, hit, inner
+    return short, whole - short - hit, hit, inner
 
 
 class _Board:

@@ -114,10 +114,13 @@ def test_slopes_and_information_are_those_of_what_can_happen():
     slopes = np.stack(each, axis=1)
     up, down = (seen.log_likelihood(mean + step, spread) for step in (1e-4, -1e-4))
     np.testing.assert_allclose(slopes[:, 0], (up - down) / 2e-4, rtol=1e-4)
-    wider = np.zeros((n, 4))
-    wider[:, 0] = 1e-4
-    up, down = (seen.moved(sign * wider).log_likelihood(mean, spread) for sign in (1, -1))
-    np.testing.assert_allclose(slopes[:, 2], (up - down) / 2e-4, rtol=1e-3, atol=1e-6)
+    up, down = (seen.log_likelihood(mean, spread * np.exp(step)) for step in (1e-4, -1e-4))
+    np.testing.assert_allclose(slopes[:, 1], (up - down) / 2e-4, rtol=1e-4)
+    for number in range(3):          # edges farther out, mean and log spread across
+        step = np.zeros((n, 4))
+        step[:, number] = 1e-4
+        up, down = (seen.moved(sign * step).log_likelihood(mean, spread) for sign in (1, -1))
+        np.testing.assert_allclose(slopes[:, 2 + number], (up - down) / 2e-4, rtol=1e-3, atol=1e-6)
     chance = np.exp(seen.log_likelihood(mean, spread))
     assert chance.sum() == pytest.approx(1.0 + LAPSE * (n / 3.0 - 1.0), abs=1e-6)
     expected = np.einsum("k,ki,kj->ij", chance, slopes, slopes)
