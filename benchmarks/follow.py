@@ -30,7 +30,7 @@ from truearc.sim.discover.detect.always_valid import test_change
 from truearc.sim.discover.investigate import discover, follow_shots, make_belief, score_since, told_by_session
 from truearc.sim.infer.belief import draw
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.likelihood.observations import see_outcomes
+from truearc.sim.infer.likelihood.heights import see_heights
 from truearc.sim.world.options import Options
 from truearc_proof.table import Table
 from truearc_proof.truth.generate import shoot
@@ -95,7 +95,7 @@ def _drawn(home: World, belief: ta.Belief, sessions: int) -> list[list[float]]:
                            np.where(size <= target.two_half_height_m, "two", "miss"))
         side = np.where(outcome == "three", "", np.where(off_m < 0.0, "low", "high"))
         texts = {**plan.shots.texts, "outcome": tuple(outcome.tolist()), "side": tuple(side.tolist())}
-        marks = see_outcomes(replace(plan.shots, texts=texts), target)[1]
+        marks = see_heights(replace(plan.shots, texts=texts), target)[1]
         assert table is not None and table.plane is not None and len(table.plane.rows) == SHOTS
         marked = replace(table, plane=replace(table.plane, seen=marks))
         found.append(_logs(test_change(marked, but=but).e_value))

@@ -16,7 +16,7 @@ from truearc.hw.devices.canandmag import CanandmagConfig
 from truearc.robot.aim_file import AimContent
 from truearc.robot.config.limits import Bound, load_limits, shown
 from truearc.robot.config.named_tables import BY_DRIVER
-from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.rig_spec import Rig, Target
 from truearc.robot.config.schema import Config
 from truearc.robot.recording.session import Header
 from truearc.sim.data.table import UNITS
@@ -86,7 +86,7 @@ def structs_of(kind: type[Struct]) -> list[type[Struct]]:
     for one in found:
         for field in msgspec.structs.fields(one):
             found += [inner for inner in _inner(field.type)
-                      if inner not in found and inner.__module__ != Rig.__module__]
+                      if inner not in found and inner.__module__ not in (Rig.__module__, Target.__module__)]
     return found
 
 

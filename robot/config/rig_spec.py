@@ -12,11 +12,16 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
 
+from truearc.robot.config.targets import HEIGHTS, target_errors
+from truearc.robot.config.targets import Target as Target
+
 POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
-            "target.two_half_height_m", "world.gravity_m_s2",
+            "target.two_half_height_m", "target.radius_m", "target.length_m", "target.width_m", "target.across_flats_m",
+            "target.points", "target.ring.radius_m", "target.ring.points", "target.backboard.behind_m",
+            "target.backboard.height_m", "world.gravity_m_s2",
             "tracker.scale_sd", "tracker.tilt_sd_deg", "tracker.clock_sd")
 NOT_NEGATIVE = ("launcher.release_height_m", "air.density_kg_m3", "noise.distance_m", "noise.hood_deg",
-                "noise.wheel_rad_s", "noise.track_m", "target.three_half_height_m")
+                "noise.wheel_rad_s", "noise.track_m", "target.three_half_height_m", "target.lip_m")
 
 DOWNWARD = {"world.gravity_m_s2": "; it is a size and points down: write 9.81"}
 
@@ -55,21 +60,6 @@ class LauncherFacts(Struct, frozen=True):
     free_speed_rad_s: float | None = None
     wheel: tuple[Wheel, ...] = ()
     hood: HoodFacts | UnsetType = UNSET       # as Rig.tracker
-
-
-class Target(Struct, frozen=True):
-    centre_height_m: float
-    three_half_height_m: float = 0.07     # Eq. 13 of the paper
-    two_half_height_m: float = 0.35       # Eq. 14 of the paper
-
-    @property
-    def hit_or_miss(self) -> bool:
-        """Whether every hit counts the same: there is no inner opening, and hits are recorded as two."""
-        return self.three_half_height_m == 0.0
-
-    def word(self, outcome: str) -> str:
-        """Return the driver's word for an outcome: hit, if every hit counts the same."""
-        return "hit" if self.hit_or_miss and outcome in ("two", "three") else outcome
 
 
 class Air(Struct, frozen=True):
@@ -133,11 +123,13 @@ class Rig(Struct, frozen=True):
 REAL = {"ball.mass_kg": (1e-4, 1e3), "ball.radius_m": (1e-3, math.inf), "launcher.wheel.radius_m": (5e-3, math.inf),
         "launcher.wheel.gear": (1e-3, 100.0), "launcher.wheel.clock_deg": (0.0, 360.0),
         "launcher.free_speed_rad_s": (1.0, math.inf), "target.two_half_height_m": (1e-3, math.inf),
+        "target.tilt_deg": (0.0, 60.0),       # of a steeper one it is hardly said that it faces up
         "world.gravity_m_s2": (0.01, math.inf)}
 ANY = (0.0, math.inf)
 # more than any launcher's; beyond is another unit
 MOST = {"ball.radius_m": 0.5, "launcher.wheel.radius_m": 1.0, "launcher.release_height_m": 5.0,
         "launcher.free_speed_rad_s": 3000.0, "target.centre_height_m": 10.0, "target.two_half_height_m": 3.0,
+        "target.width_m": 6.0, "target.lip_m": 1.0, "target.backboard.behind_m": 5.0, "target.backboard.height_m": 5.0,
         "air.density_kg_m3": 2.0,
         "world.gravity_m_s2": 25.0,   # Jupiter's
         # standard deviations: a tape is good to 0.01 m, a camera at 10 m to 0.5 m; worse ones make a fit of noise
@@ -154,7 +146,7 @@ TERMS = ("hood_offset", "hood_backlash", "encoder_scale", "distance_scale", "dis
          "exit_efficiency", "wheel_droop", "ball_compression", "ball_wear", "ball_spread", "battery_sag", "rapid_fire",
          "release_height", "spin_decay", "wind_x", "wind_y", "wind_z", "gravity", "drag", "magnus", "spin_drag",
          "drag_reynolds", "lift_saturation", "drag_wear", "air_density", "air_change", "buoyancy", "added_mass",
-         "target_height", "rim_catch")
+         "target_height", "rim_catch", "backboard_bounce")
 RADIAN_STEP, RADIAN_SLIP = math.pi / 12.0, 0.005  # clock angles in radians are multiples of it, as rounded
 
 
@@ -167,7 +159,7 @@ def too_large(rig: Rig) -> Iterator[tuple[str, str]]:
                       for clock, step in zip(clocks, steps, strict=True)):
         degrees = ", ".join(f"{15 * step} for {clock:g}" for clock, step in zip(clocks, steps, strict=True))
         yield "launcher.wheel.clock_deg", f"these look like radians; write degrees: {degrees}"
-    for key, value in _leaves(msgspec.to_builtins(rig), ""):
+    for key, value in _leaves(as_table(rig), ""):
         if key in MOST and isinstance(value, int | float) and value > MOST[key]:
             lengths = [name for name, metres in LENGTHS_M.items() if key.endswith("_m")
                        and 0.02 * MOST[key] < value * metres <= MOST[key]]
@@ -176,9 +168,17 @@ def too_large(rig: Rig) -> Iterator[tuple[str, str]]:
                         + (" or ".join(lengths) or OTHER_UNITS[key.rpartition("_")[2]]))
 
 
+def as_table(rig: Rig) -> dict[str, Any]:
+    """Return the contents of rig.toml, with every key stated that is not derived from others."""
+    table: dict[str, Any] = msgspec.to_builtins(rig)
+    if rig.target and rig.target.faces_up:
+        table["target"] = {key: value for key, value in table["target"].items() if key not in HEIGHTS}
+    return table
+
+
 def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:
     """Yield the dotted key of each impossible number, and what is wrong with it."""
-    for key, value in _leaves(msgspec.to_builtins(rig), ""):
+    for key, value in _leaves(as_table(rig), ""):
         if not isinstance(value, int | float):
             continue
         if not math.isfinite(value):
@@ -194,8 +194,8 @@ def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:
         for name in sorted({name for name in names if names.count(name) > 1}):
             yield key, f"{name!r} stands there more than once; keep one"
     yield from (("launcher.hood.map", what) for what in _map_errors(rig.launcher.hood))
-    if rig.target and rig.target.three_half_height_m > rig.target.two_half_height_m:
-        yield "target.three_half_height_m", "exceeds two_half_height_m, but three lies inside two"
+    if rig.target:
+        yield from ((f"target.{key}", what) for key, what in target_errors(rig.target, rig.ball.radius_m))
 
 
 def _map_errors(hood: HoodFacts | UnsetType) -> Iterator[str]:

@@ -16,6 +16,7 @@ from truearc.hw.devices.family import Axis, Finite, HoodEncoder, Positive
 from truearc.robot.config import named_tables
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.rig_spec import Rig, rig_errors
+from truearc.robot.config.targets import misplaced
 
 Kind = TypeVar("Kind")
 Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
@@ -292,8 +293,9 @@ def load_config(path: str | Path) -> Config:
     for key in errors.unknown_keys(errors.parse_table(text, str(path))["rig"], Rig):
         raise InputError(f"{path}{line_of_key(text, f'rig.{key}')}: rig.{key}: unknown key"
                          f"{errors.near_key(key, Rig, None)}")
-    for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *contradictions(config),
-                      *cannot_throw(config.rig)):
+    stated = misplaced(errors.parse_table(text, str(path))["rig"])
+    of_rig = ((f"rig.{key}", what) for key, what in (*stated, *rig_errors(config.rig)))
+    for key, what in (*of_rig, *contradictions(config), *cannot_throw(config.rig)):
         raise InputError(f"{path}{line_of_key(text, key)}: {key}: {what}")
     warn_of_pitch(path, config.camera)
     warn_of_terms(path, config.rig)

@@ -250,7 +250,9 @@ class ViewerMessages:
             self._draw(TRANSFORM, t_ns, transform(t_ns, pose))
 
     def _draw_target(self, t_ns: int, target: Target) -> None:
-        """The opening's heights, as upright lines: a rig does not state how wide it is."""
+        """The opening's heights, as upright lines: a rig does not state how wide it is. None of one that faces up."""
+        if target.faces_up:
+            return
         lines = [line(LINE_LIST, [(0.0, 0.0, target.centre_height_m - half),
                                                     (0.0, 0.0, target.centre_height_m + half)], wide, colour)
                  for half, wide, colour in ((target.two_half_height_m, THICK_M, COLOURS["two"]),

@@ -208,9 +208,9 @@ def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, 
     drag, lift = _forces(dataset, judged, spin, speed)
     measured = ~by_wheels(shots)[judged]
 
-    def need(theta: Floats, higher_m: Any = 0.0) -> Floats:
+    def need(theta: Floats, higher_m: Any = 0.0, farther_m: Any = 0.0) -> Floats:
         lane = (centre + sd * theta)[:, :, None]
-        return np.log(needed_speed(distance * (1.0 + lane[:, FAR]) + lane[:, BIAS],
+        return np.log(needed_speed(distance * (1.0 + lane[:, FAR]) + lane[:, BIAS] + farther_m,
                                    rise + higher_m + theta[:, [RISE]] * low, angle + lane[:, HOOD],
                                    rig.world.gravity_m_s2, np.exp(lane[:, CD]) * drag, lane[:, CL] * lift, *fine))
 
@@ -220,7 +220,8 @@ def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, 
         return off, np.full(off.shape, np.nan)
     aimed = 0.4 * half                # chosen: balls are aimed at the middle of the opening
     with np.errstate(invalid="ignore"):
-        up, down = need(np.zeros((2, len(TERMS))), np.array([[0.5], [-0.5]]) * aimed)
+        off_m = np.array([[0.5], [-0.5]]) * aimed
+        up, down = need(np.zeros((2, len(TERMS))), **{"farther_m" if target.faces_up else "higher_m": off_m})
     return residuals, np.clip(np.nan_to_num(np.abs(up - down), nan=0.02, posinf=0.02), 1e-4, 0.2)
 
 

@@ -23,7 +23,7 @@ from truearc.sim.check.causes import TABLE, UNITS, Flaw, causes, unusual, value_
 from truearc.sim.check.motion import TRACKS, jolts, measure_motion
 from truearc.sim.data.dataset import Dataset, Floats, Shots, Times
 from truearc.sim.data.table import SPIN_VECTOR
-from truearc.sim.physics.simulate import has_wheels
+from truearc.sim.physics.simulate import has_wheels, launch_state
 
 CHECKS = ("gravity", "axes", "bounce", "track-length", "track-shots", "speed", "hood", "mass", "radius", "reach", "air",
           "target", "noise", "wheels", "height", "release", "balls", "spin", "fit")
@@ -42,6 +42,7 @@ SURE = 4.0                            # standard errors by which high ones were 
 GEARED = 0.05                         # log by which ratios of speeds are those of gears; chosen: they slow by per cents
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's; chosen: as scales err
 OUNCE_KG = 0.0283495                  # definition
+LIFTED = 1.5                          # times as high as without air a ball may rise; chosen: backspin at most
 UPRIGHT_DEG = 85.0                    # hood angles from which a ball need not go forwards; chosen: scatter turns it
 
 
@@ -103,7 +104,7 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
     motion = None
     if dataset.tracks is not None and all(flaw.warns for flaw in unmeasured):
         motion = measure_motion(dataset.tracks, frozenset(shot for shot, *_ in touched))
-    stated = list(_stated(dataset))
+    stated = [*_stated(dataset), *_of_rim(dataset)]
     elsewhere = any(flaw.check in ("gravity", "air") and not flaw.warns for flaw in stated)
     likely = [] if elsewhere else list(_judged(Reading(dataset, motion)))
     places = {flaw.place for flaw in likely}
@@ -207,9 +208,10 @@ def _each(reading: Reading, known: Fit) -> Iterator[Flaw]:
 
 
 def ups(shots: Shots) -> Floats:
-    """Return 1 for shots that passed high, -1 for low ones, by the side or else the height; 0 where neither says it."""
+    """Return 1 for shots that passed high or came down long, -1 for low or short ones, by the side or else the height;
+    0 where neither says it."""
     side, height = np.array(shots.text("side")), np.nan_to_num(shots.number("miss_height_m"))
-    return np.select([side == "high", side == "low"], [1.0, -1.0], np.sign(height))
+    return np.select([np.isin(side, ("high", "long")), np.isin(side, ("low", "short"))], [1.0, -1.0], np.sign(height))
 
 
 def _unexplained(reading: Reading, whose: np.ndarray, known: Fit) -> Iterator[Flaw]:
@@ -272,6 +274,25 @@ def _stated(dataset: Dataset) -> Iterator[Flaw]:
     if len(wrong):
         yield remark("signs", source=shots.source, count=len(wrong), all=stated.sum(),
                      shots=_listed([shots.shot_id[row] for row in wrong]))
+
+
+def _of_rim(dataset: Dataset) -> Iterator[Flaw]:
+    """Judge whether balls can come down into an opening that faces up."""
+    rig, shots, target = dataset.rig, dataset.shots, dataset.rig.target
+    if target is None or not target.faces_up:
+        return
+    angle = np.radians(believable.elevation_deg(dataset))
+    rise_m = target.centre_height_m - rig.launcher.release_height_m
+    up_m_s = launch_state(rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan)) * np.sin(angle)
+    above_m = LIFTED * up_m_s[np.isfinite(up_m_s)]**2 / (2.0 * rig.world.gravity_m_s2)
+    if len(above_m) and above_m.max() < rise_m:
+        yield remark("ceiling", rim=target.centre_height_m, top=rig.launcher.release_height_m + above_m.max())
+    hits = np.isin(shots.text("outcome"), ("two", "three"))
+    far_m = shots.number("distance_m") + target.half_sizes_m[0]
+    flat = np.flatnonzero(hits & (np.tan(angle) < 2.0 * rise_m / far_m))        # by the parabola through its far end
+    if len(flat):
+        yield remark("rising", source=shots.source, count=len(flat), all=int(hits.sum()),
+                     shots=_listed([shots.shot_id[row] for row in flat]))
 
 
 def _balls(dataset: Dataset) -> Iterator[Flaw]:

@@ -16,7 +16,8 @@ import numpy as np
 from msgspec import UnsetType
 
 from truearc.errors import InputError, load_text, make_toml, near_key, parse_struct, parse_table, reworded, unknown_keys
-from truearc.robot.config.rig_spec import Rig, rig_errors
+from truearc.robot.config.rig_spec import Rig, as_table, rig_errors
+from truearc.robot.config.targets import misplaced
 from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Dataset, Shots, Times, Traces, Tracks, Written
 from truearc.sim.data.table import Cell, Problems, RawTable, as_cell, find_table, gathered, load_table
@@ -79,6 +80,10 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
     shots = _with_angles(cols.in_read_units(shots, cols.is_shot_column, problems), rig, problems)
     shots, rig = _settle_hits(shots, rig, has_three, problems)
     checked = replace(_shots(shots, problems), written=shots.written)
+    _check_sides(shots, checked.texts, rig, problems)
+    if rig.target is not None and rig.target.faces_up and "miss_height_m" in shots.columns:
+        shots.fault(problems, -1, "miss_height_m", "is of an upright opening; the one of rig.toml faces up: note the "
+                    "side of misses instead, short, long, left or right")
     _check_wheels(shots, rig, problems)
     row_of = {name: row for row, name in enumerate(checked.shot_id)}
     tracks = tracks and cols.in_read_units(tracks, TRACK_COLUMNS.__contains__, problems)
@@ -116,7 +121,6 @@ def _shots(table: RawTable, problems: Problems) -> Shots:
             numbers[name] = cols.number_column(table, name, problems, needed=False)
         else:
             texts[name] = cols.text_column(table, name, problems, needed=False)
-    _check_sides(table, texts, problems)
     lacking = [name for name in cols.SPIN_VECTOR if name not in numbers]
     for name in cols.SPIN_VECTOR if 0 < len(lacking) < len(cols.SPIN_VECTOR) else ():
         if name in numbers:
@@ -181,11 +185,23 @@ def _ids(table: RawTable, problems: Problems) -> tuple[str, ...]:
     return ids
 
 
-def _check_sides(table: RawTable, texts: dict[str, tuple[str, ...]], problems: Problems) -> None:
-    """A ball through the inner target passed on no side of it."""
+def _check_sides(table: RawTable, texts: dict[str, tuple[str, ...]], rig: Rig, problems: Problems) -> None:
+    """A ball through the inner target passed on no side of it; one that came down beside an opening that faces up
+    passed neither low nor high."""
+    up = rig.target is not None and rig.target.faces_up
+    others = {"low": "short", "high": "long"} if up else {"short": "low", "long": "high"}
+    told: set[str] = set()
     for row, (outcome, side) in enumerate(zip(texts.get("outcome", ()), texts.get("side", ()), strict=False)):
         if outcome == "three" and side in cols.WORDS["side"]:
             table.fault(problems, row, "side", f"outcome three cannot have the miss side {side!r}")
+        elif up and outcome and outcome != "miss" and side in cols.WORDS["side"]:
+            table.fault(problems, row, "side", f"a ball that went in has no side, got {side!r}")
+        elif side in others and rig.target is not None and side not in told:
+            told.add(side)
+            more = texts["side"].count(side) - 1
+            faces = "up" if up else "the launcher"
+            table.fault(problems, row, "side", f"is {side}, but the opening of rig.toml faces {faces}: write "
+                        f"{others[side]}" + (f"; here and in {more} more rows" if more else ""))
 
 
 def _tracks(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Tracks | None:
@@ -304,15 +320,18 @@ def load_rig(path: str | Path) -> Rig:
     text = load_text(path)
     for key in unknown_keys(parse_table(text, str(path)), Rig):
         print(f"warning: {path}: key {key} is not known and has no effect{near_key(key, Rig, None)}", file=sys.stderr)
-    return check_rig(parse_struct(text, Rig, str(path)), path)
+    rig = parse_struct(text, Rig, str(path))
+    if wrong := [f"{path}: {key}: {what}" for key, what in misplaced(parse_table(text, str(path)))]:
+        raise InputError("\n".join(wrong))
+    return check_rig(rig, path)
 
 
 def states_three(rig: Rig | str | Path | Mapping[str, Any]) -> bool:
-    """Return whether a rig, a rig.toml or its contents give the half-height of the three."""
+    """Return whether a rig, a rig.toml or its contents say which part of the opening a three goes through."""
     if isinstance(rig, Rig):
         return True
     table = rig if isinstance(rig, Mapping) else parse_table(load_text(rig), str(rig))
-    return "three_half_height_m" in table.get("target", {})
+    return not {"three_half_height_m", "ring"}.isdisjoint(table.get("target", {}))
 
 
 def check_rig(rig: Rig, path: str | Path) -> Rig:
@@ -329,7 +348,7 @@ def check_rig(rig: Rig, path: str | Path) -> Rig:
 
 def save_rig(path: str | Path, rig: Rig) -> None:
     """Write rig.toml with every key stated, so that reading it gives the same rig."""
-    Path(path).write_text(make_toml(msgspec.to_builtins(rig)), encoding="utf-8")
+    Path(path).write_text(make_toml(as_table(rig)), encoding="utf-8")
 
 
 class Frame(Protocol):

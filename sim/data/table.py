@@ -322,7 +322,7 @@ def _cells_of(line: str) -> list[str]:
 OUTCOMES = ("miss", "two", "three")
 SPELLINGS = {"2": "two", "3": "three", "2.0": "two", "3.0": "three",
              **dict.fromkeys(("n/a", "na", "-", "nan", "none"), "")}
-SIDES = ("low", "high", "left", "right")
+SIDES = ("low", "high", "left", "right", "short", "long")     # short and long of an opening that faces up
 
 SPIN_VECTOR = ("exit_spin_x_rev_s", "exit_spin_y_rev_s", "exit_spin_z_rev_s")
 

@@ -22,6 +22,7 @@ from scipy.special import ndtr, ndtri
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.targets import refuse_up
 from truearc.sim.data.dataset import ORDINARY, Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.detect.battery import ALLOWANCE, LEAST_SHARE, TERMS
 from truearc.sim.discover.finding import FALSE_ALARM, LEVELS, SEASON_SHOTS
@@ -300,6 +301,7 @@ def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASO
     if rig.target is None and level != "L2":
         raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
                          "; level L2, by tracks, does without")
+    refuse_up(rig.target, "a rehearsed season")
     plan = _throw(rig, shots, rng) if rig.target is None else _aim(rig, coefficients, shots, rng, among)
     numbers, texts = settings(rig, plan), {}
     if rig.target is not None:

@@ -420,7 +420,7 @@ def judge_points(investigation: Investigation, taken: Simulation,
         worth.as_believed(unfitted(fitted)))
     new = worth.hold_out(*_models(taken))
     before, after = (worth.points_of(seen, one, (old, new), threshold) for one in (old, new))
-    scored, held = worth.scored_points(seen), POINTS_THREE * threshold
+    scored, held = seen.points(), POINTS_THREE * threshold
     gain = after.worth(held) - before.worth(held)
     error = Z90 * clustered_error(gain, fitted.scores.together[rows])
     passed = [float(scored[one.fires].mean()) if one.fires.any() else None for one in (before, after)]

@@ -330,14 +330,16 @@ def _of_filmed(step: Step) -> tuple[dict[str, Any], ...]:
 def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
     """A shot without a side tells half of what it could."""
     outcome, side = dataset.shots.text("outcome"), dataset.shots.text("side")
-    hit = "hit" if dataset.rig.target and dataset.rig.target.hit_or_miss else "two"
+    target = dataset.rig.target
+    up, hit = target is not None and target.faces_up, "hit" if target and target.hit_or_miss else "two"
     blind = {word: sum(one == said and not where for one, where in zip(outcome, side, strict=True))
-             for word, said in (("miss", "miss"), (hit, "two"))}
+             for word, said in (("miss", "miss"), (hit, "two")) if said == "miss" or not up}
     if sum(blind.values()) <= 0.5 * sum(map(bool, outcome)):
         return ()
     words = " and each ".join(f"{word} ({count} lack it)" for word, count in blind.items() if count)
     return ({"do": "measure", "record": "side",
-             "what": f"on which side of the centre, low or high, each {words} passes (column side)"},)
+             "what": f"where each {words} comes down, short, long, left or right (column side)" if up else
+             f"on which side of the centre, low or high, each {words} passes (column side)"},)
 
 
 def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:

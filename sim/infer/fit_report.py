@@ -13,7 +13,6 @@ from truearc.sim.infer.intervals import KNOWN, NumberChange, ProfileInterval, tr
 from truearc.sim.infer.launcher import MapFit, Sought, odd_places
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
 from truearc.sim.infer.likelihood.noise import UNMEASURED_M
-from truearc.sim.infer.likelihood.observations import class_chances
 from truearc.sim.infer.likelihood.score_table import FOLDS, fit_linear
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.printed import Progress, left_out_lines
@@ -65,7 +64,8 @@ def cross_validate(fit: MapFit, progress: Progress = lambda done, note: None) ->
         if not out.any():
             continue
         change = fit_linear(fit.scores, fold != number)
-        given_fit[out] = class_chances(*alone.heights(np.tile(change, (len(fold), 1))))[out]
+        seen, mean_m, spread_m = alone.heights(np.tile(change, (len(fold), 1)))
+        given_fit[out] = seen.class_chances(mean_m, spread_m)[out]
         counts = np.bincount(outcome[(outcome >= 0) & ~out], minlength=3) + SMOOTH
         given_share[out] = counts / counts.sum()
     known = outcome >= 0

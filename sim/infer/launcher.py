@@ -17,7 +17,6 @@ from truearc.sim.infer.belief import SCATTER, Belief, Coefficients, Curve, scale
 from truearc.sim.infer.fit import Fit, fit_believed
 from truearc.sim.infer.likelihood import layout as lay
 from truearc.sim.infer.likelihood import linearization
-from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import plane_grid
 from truearc.sim.infer.likelihood.layout import SCATTER_NAMES, Layout, Point, believed_name, is_tracker, own_slope
@@ -203,7 +202,7 @@ class Launcher:
         mean = np.where(near, mean, linearization.FAR_BELOW_M)
         seen = self.data.seen.take(some)
         # 8 cm: a usual scatter of the height at 4 m (SCATTER_PRIOR)
-        return np.array([[outcomes.log_likelihood(seen, row, np.full(len(row), 0.08 * factor)).sum()
+        return np.array([[seen.log_likelihood(row, np.full(len(row), 0.08 * factor)).sum()
                           for factor in SCATTER_GRID] for row in mean])
 
     def easier(self) -> Iterable["Launcher"]:
@@ -216,7 +215,7 @@ class Launcher:
         """
         data, layout = self.data, self.layout
         if not self.sampled or data.seen.measured.any():
-            yield Launcher(replace(data, seen=replace(data.seen, slips=False)), replace(layout, steady=True))
+            yield Launcher(replace(data, seen=data.seen.without_slips()), replace(layout, steady=True))
         tight = np.array([TIGHT if is_tracker(column, self.catalogue) else 1.0
                           for column in layout.columns[layout.first_shared:]])
         if (tight != 1.0).any():

@@ -18,6 +18,7 @@ from matplotlib.patches import Rectangle
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.targets import refuse_up
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset
 from truearc.sim.infer.belief import launcher_of, ranges_of
@@ -119,6 +120,7 @@ def make_scoring(rig: Rig, shots: Shots) -> Scoring:
     if rig.target is None:
         raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
                          ": the fit is by outcomes")
+    refuse_up(rig.target, "the paper's method")
     outcome = np.array(shots.text("outcome"))
     if not (outcome == THREE).any():
         raise InputError(f"{shots.source}: outcome: fit by grid needs at least one shot whose outcome is three")

@@ -17,6 +17,7 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.targets import refuse_up
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import check_free, hash_dataset, save_dataset
 from truearc.sim.data.table import OUTCOMES
@@ -70,6 +71,7 @@ def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
     Some of the terms may go with curves. among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue()
     when not given. InputError when the rig has no target, or cannot turn a motor ratio into a launch.
     """
+    refuse_up(rig.target, "the paper's method")
     opening = opening_of(rig, coefficients, among)     # a rig without target: no work
     shots = grid_shots(np.arange(np.prod(SHAPE)))
     flown = predict(rig, coefficients, shots, progress, before_the_shot(curves, rig, shots), among, STEP_S)

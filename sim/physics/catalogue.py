@@ -30,6 +30,7 @@ from types import ModuleType
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
+from msgspec import UnsetType
 
 from truearc.errors import InputError, PluginError, distribution_of, load_plugin, load_text, place_of
 from truearc.sim.data.dataset import Circumstances
@@ -253,6 +254,11 @@ class Catalogue:
     def always(self) -> tuple[str, ...]:
         """Names of terms that are active in every simulation."""
         return tuple(term.name for term in self.terms if term.always)
+
+    def of(self, rig: kinds.Rig) -> "Catalogue":
+        """Return the terms that can act on this rig's shots."""
+        board = rig.target is not None and not isinstance(rig.target.backboard, UnsetType)
+        return self if board else Catalogue(tuple(term for term in self.terms if not term.of_backboard))
 
     def get(self, name: str) -> Term | None:
         """Return the term, or the unexplained effect, of this name; None if there is none."""

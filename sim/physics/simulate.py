@@ -11,6 +11,7 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import ORDINARY, Circumstances, Shots
 from truearc.sim.physics import catalogue as known
+from truearc.sim.physics.facing_up import Landing, land, outcome_of
 from truearc.sim.physics.flight import STEP_S, Balls, Crossing, fly, path, with_balls
 from truearc.sim.physics.term import Exit, Opening, complete
 from truearc.sim.printed import Progress
@@ -44,6 +45,49 @@ def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Sh
     own = with_balls(rig, balls)
     exit, distance_m = sense(own, values, launch_of(rig, shots), require(shots, "distance_m"), whose, among)
     return fly_rows(rig, values, leave(own, values, exit, whose, among), distance_m, progress, among, balls, step_s)
+
+
+def forecast(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
+             progress: Progress = lambda done, note: None,
+             circumstances: Circumstances = ORDINARY, among: known.Catalogue | None = None) -> dict[str, np.ndarray]:
+    """Return columns of where each configuration comes to at the rig's target, and its outcome, as `predict` flies it.
+
+    Of an upright opening: height_m above the floor and deviation_m from the centre. Of one that faces up: along_m and
+    across_m from the centre, in the plane of the rim, angle_deg of arrival, and side of a miss. Numbers are nan where
+    the ball does not come there.
+    """
+    target, opening = rig.target, opening_of(rig, coefficients, among, circumstances)
+    if target is None or not target.faces_up:
+        height_m = np.asarray(predict(rig, coefficients, shots, progress, circumstances, among).height_m)
+        return {"height_m": height_m, "deviation_m": np.asarray(height_m - opening.centre_m),
+                "outcome": classify(rig, height_m, opening)}
+    landing, radius_m = _land(rig, coefficients, shots, opening, circumstances, among)
+    level, side = outcome_of(target, radius_m, landing, opening)
+    words = np.array([target.word(word) for word in (MISS, TWO, THREE)])
+    return {"along_m": np.asarray(landing.along_m), "across_m": np.asarray(landing.across_m),
+            "angle_deg": np.degrees(landing.angle_rad), "outcome": words[level], "side": side}
+
+
+def _land(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, opening: Opening,
+          circumstances: Circumstances, among: known.Catalogue | None) -> tuple[Landing, np.ndarray]:
+    """(landings, radii of the balls) of an opening that faces up."""
+    values = known.effective(coefficients, circumstances, among)
+    whose, balls = by_robot(shots), own_balls(rig, shots)
+    own = with_balls(rig, balls)
+    exit, distance_m = sense(own, values, launch_of(rig, shots), require(shots, "distance_m"), whose, among)
+    exit = Exit(*map(np.asarray, leave(own, values, exit, whose, among)))
+    terms = known.flight_terms({"gravity", *values}, among)
+    named = {term.name: values[term.name] for term in terms if term.name in values}
+    radius_m = np.full(len(shots), rig.ball.radius_m) if balls is None else np.asarray(balls[1])
+    parts = []
+    for first in range(0, len(shots), BLOCK):
+        rows = np.resize(np.arange(first, min(first + BLOCK, len(shots))), min(BLOCK, -(-len(shots) // LANES) * LANES))
+        hole = Opening(*(part if np.ndim(part) == 0 else part[rows] for part in opening))
+        mine = None if balls is None else (balls[0][rows], balls[1][rows])
+        parts.append(land(rig, terms, take_values(named, rows), exit.take(rows), np.asarray(distance_m)[rows], hole,
+                          balls=mine))
+    return Landing(*(np.concatenate([np.asarray(part) for part in each])[:len(shots)]
+                     for each in zip(*parts, strict=True))), radius_m
 
 
 def trajectories(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,

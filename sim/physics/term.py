@@ -272,11 +272,16 @@ class BallState(NamedTuple):
 
 
 class Opening(NamedTuple):
-    """The opening that a ball has to pass at the target plane; heights in m, as in rig.toml [target]."""
+    """The opening that a ball has to pass at the target; in m, as in rig.toml [target].
+
+    The halves are of an upright opening's height; of one that faces up they are the ring's radius and half the length
+    toward the launcher. bounce: share of the speed into a backboard with which the ball comes back.
+    """
 
     centre_m: Any
     three_half_m: Any
     two_half_m: Any
+    bounce: Any = 0.6                 # chosen: as of foam balls off plywood; a basketball's off glass is 0.7 to 0.8
 
 
 class Term(ABC):
@@ -307,6 +312,7 @@ class Term(ABC):
         indoor_sd: Standard deviation of the amplitude in a closed hall, if different.
         calibration_sd: For a tracker calibration fitted with every track: standard deviation of the amplitude's prior;
             None: the amplitude is tested like any other.
+        of_backboard: Tested only of targets with a backboard.
         compared: Whether a tested tracker calibration is compared with an earlier session's, like fitted ones.
     """
 
@@ -329,6 +335,7 @@ class Term(ABC):
     law_sd: ClassVar[float | None] = None
     indoor_sd: ClassVar[float | None] = None
     calibration_sd: ClassVar[float | None] = None
+    of_backboard: ClassVar[bool] = False
     compared: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:

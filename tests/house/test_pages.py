@@ -68,7 +68,8 @@ def default_text(default: Any) -> str:
         return ", ".join(default)
     if isinstance(default, bool):
         return str(default).lower()
-    return "required" if default is msgspec.NODEFAULT else "none" if default is None else f"{default:g}"
+    absent = default is None or default is msgspec.UNSET
+    return "required" if default is msgspec.NODEFAULT else "none" if absent else f"{default:g}"
 
 
 def test_every_column_is_on_the_page_of_datasets() -> None:

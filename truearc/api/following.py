@@ -14,6 +14,7 @@ from truearc.api.forecasting import AimTable, aim
 from truearc.api.results import Table
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.targets import refuse_up
 from truearc.sim.aim.make_table import AimRow
 from truearc.sim.aim.solve import chances_of
 from truearc.sim.check.check import check_plausible
@@ -125,6 +126,7 @@ def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = settings.FA
     settings.check_chances(false_alarm, seed)
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     check_kind("belief", belief, Belief, "load_belief(...)")
+    refuse_up(dataset.rig.target, "follow")
     dataset = check_plausible(dataset, accept).in_order()
     return Following(dataset, belief, follow_shots(dataset, belief, seed), false_alarm, seed, accept)
 

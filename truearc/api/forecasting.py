@@ -1,7 +1,7 @@
 """Forecast shots with a belief or a gate, and find the set points that score the most points under a belief."""
 
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -18,6 +18,7 @@ from truearc.model_export.verify import rate_shots
 from truearc.robot.aim_file import check_rig, load_aim
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import CONVERTED
+from truearc.robot.config.targets import refuse_up
 from truearc.robot.gate import load_gate
 from truearc.sim.aim.make_table import (
     RPM,
@@ -36,13 +37,11 @@ from truearc.sim.data.dataset import Dataset, Shots, circumstances_of
 from truearc.sim.infer.belief import Belief, along
 from truearc.sim.infer.likelihood.data import every_column
 from truearc.sim.infer.track_forecast import forecast_flights
-from truearc.sim.physics.simulate import classify, opening_of
-from truearc.sim.physics.simulate import predict as fly_shots
+from truearc.sim.physics.simulate import forecast
 from truearc.sim.printed import Printed, Progress, make_text
 from truearc.sim.statistics import POINTS_TWO, Z90
 
 ROUNDING = 1e-6                       # of a fitted range: a converted unit is not outside it
-FORECAST_COLUMNS = ("shot_id", "height_m", "deviation_m", "outcome", "note")
 TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m", "x_band_m", "y_band_m", "z_band_m")
 NOT_REACHED = "does not reach the target: it meets the floor or turns back first"
 SCHEMA = "truearc.aim_table/1"
@@ -71,7 +70,9 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
     Returns:
         A row per shot. With a belief: shot_id, height_m at the target plane above the floor [m], deviation_m from the
         target's centre [m, up positive], outcome, and a note if a setting is outside the range of the fitted shots, the
-        rig differs from theirs, or height_m is None because the ball hits the floor or turns back first. With a gate:
+        rig differs from theirs, or height_m is None because the ball hits the floor or turns back first. For a target
+        that faces up: shot_id, along_m and across_m from its centre in the plane of the rim [m, away from the launcher
+        and to the left], angle_deg below that plane, outcome, side of a miss, note. With a gate:
         shot_id, p_two and p_three (probabilities), in_domain, novelty (over 1: outside the recorded shots); None where
         the gate gives no number. With tracks: a row per time t_s [s, from the track's first sample, or from release]:
         where the ball is (launcher's frame), and for each axis half the width of the 90 % interval, by what the belief
@@ -96,15 +97,16 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
             (dataset.shots.shot_id[one.row], *map(float, numbers)) for one in flights
             for numbers in np.column_stack([one.t_s, one.place_m, Z90 * one.sd_m])))
     flown = _flown(dataset, belief, progress)
-    other = belief.other_rig(dataset.rig)
-    notes = ["; ".join(filter(None, (note, other))) for note in _notes(dataset.shots, flown[0], belief.provenance)]
-    rows = zip(dataset.shots.shot_id, *flown, notes, strict=True)
-    return Table(FORECAST_COLUMNS, tuple(tuple(None if cell != cell else cell for cell in row) for row in rows))
+    other, first = belief.other_rig(dataset.rig), next(iter(flown.values()))
+    notes = ["; ".join(filter(None, (note, other))) for note in _notes(dataset.shots, first, belief.provenance)]
+    rows = zip(dataset.shots.shot_id, *flown.values(), notes, strict=True)
+    return Table(("shot_id", *flown, "note"), tuple(tuple(None if cell != cell else cell for cell in row)
+                                                    for row in rows))
 
 
-def _notes(shots: Shots, height_m: list[float], provenance: Mapping[str, Any]) -> list[str]:
+def _notes(shots: Shots, places_m: Sequence[float], provenance: Mapping[str, Any]) -> list[str]:
     """What to know of each forecast; "" where there is nothing."""
-    notes: list[list[str]] = [[NOT_REACHED] if height != height else [] for height in height_m]
+    notes: list[list[str]] = [[NOT_REACHED] if place != place else [] for place in places_m]
     fitted = provenance.get("range", {})
     for name, (low, high) in fitted.items() if isinstance(fitted, Mapping) else ():
         room = ROUNDING * (high - low)
@@ -114,18 +116,14 @@ def _notes(shots: Shots, height_m: list[float], provenance: Mapping[str, Any]) -
     return ["; ".join(note) for note in notes]
 
 
-def _flown(dataset: Dataset, belief: Belief, progress: Progress) -> tuple[list[float], list[float], list[str]]:
-    """Height, deviation and outcome of each shot, under the conditions that the dataset records; NaN: not reached."""
+def _flown(dataset: Dataset, belief: Belief, progress: Progress) -> dict[str, Sequence[Any]]:
+    """Columns of each shot, under the conditions that the dataset records; NaN: not reached."""
     if dataset.rig.target is None:
         raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
                          ": deviation and outcome are about it")
     circumstances = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
-    among = belief.catalogue
-    opening = opening_of(dataset.rig, belief.coefficients, among, circumstances)
-    flown = fly_shots(dataset.rig, belief.coefficients, dataset.shots, progress, circumstances, among)
-    height_m = np.asarray(flown.height_m)
-    return (height_m.tolist(), np.asarray(height_m - opening.centre_m).tolist(),
-            classify(dataset.rig, height_m, opening).tolist())
+    columns = forecast(dataset.rig, belief.coefficients, dataset.shots, progress, circumstances, belief.catalogue)
+    return {name: column.tolist() for name, column in columns.items()}
 
 
 @dataclass(frozen=True)
@@ -237,6 +235,7 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
     """
     check_kind("belief", belief, Belief, "load_belief(...)")
     check_kind("rig", rig, Rig, "load_rig(...)")
+    refuse_up(rig.target, "aim")
     check_plausible(Dataset("", rig, Shots((), {}, {})), accept)
     fitted = belief.provenance.get("range", {})
     known: Mapping[str, list[float]] = fitted if isinstance(fitted, Mapping) else {}
@@ -292,6 +291,7 @@ def verify_aim(path: str | Path, belief: Belief, rig: Rig, *, seed: int = 0) -> 
     """
     check_kind("belief", belief, Belief, "load_belief(...)")
     check_kind("rig", rig, Rig, "load_rig(...)")
+    refuse_up(rig.target, "aim")
     file = load_aim(path)
     check_rig(path, file, rig)
     check = check_aim_file(file, belief, rig, seed)

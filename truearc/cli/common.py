@@ -170,7 +170,7 @@ def load_any_rig(path: str) -> Rig:
     if is_launcher:
         return load_config(path).rig
     rig = load_rig(path)
-    if rig.target is not None and not states_three(path):
+    if rig.target is not None and not rig.target.faces_up and not states_three(path):
         print(f"warning: {path}: target.three_half_height_m is not stated: {rig.target.three_half_height_m:g} is "
               "taken; write 0 where every hit counts alike", file=sys.stderr)
     return rig

@@ -93,7 +93,8 @@ def predict(args: argparse.Namespace) -> int:
     """Forecast the height and outcome of each shot of a dataset by the simulation, or its probabilities by a gate.
 
     By the simulation: shot_id,height_m,deviation_m,outcome,note: the height at the first crossing of x = distance, and
-    its difference from the target's centre; both are empty if the ball hits the floor or turns back first. The note
+    its difference from the target's centre; both are empty if the ball hits the floor or turns back first. Of a target
+    that faces up: shot_id,along_m,across_m,angle_deg,outcome,side,note: where it comes down from the centre. The note
     says so, and names settings outside the range of the shots that the coefficients were fitted to. With --gate:
     shot_id,p_two,p_three,in_domain,novelty (novelty over 1: outside the recorded shots).
 
@@ -128,8 +129,8 @@ def _by_simulation(args: argparse.Namespace) -> "ta.Table":
     dataset = _plausible(args)
     forecast = ta.predict(dataset, belief, accept=args.accept,
                           progress=common.make_progress("predict", args.quiet or len(dataset.shots) < LONG))
-    rows = tuple((name, common.fixed(height_m, 9), common.fixed(deviation_m, 9), outcome, note)
-                 for name, height_m, deviation_m, outcome, note in forecast.rows)
+    rows = tuple((name, *(cell if isinstance(cell, str) else common.fixed(cell, 9) for cell in cells))
+                 for name, *cells in forecast.rows)
     if noted := sum(note != "" for *_, note in rows):
         print(f"{noted} of {len(rows)} forecasts have a note: outside the fitted range, of another rig, or without a "
               "height", file=sys.stderr)

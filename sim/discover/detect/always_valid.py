@@ -12,15 +12,14 @@ these draws; heights are linear in all numbers, as in the score table. The setti
 outcomes.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri
 from scipy.stats import qmc
 
-from truearc.sim.infer.likelihood.noise import LAPSE, SLIP_PER_M
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 DRAWS = 256                           # of the belief's numbers; a power of 2, by a Sobol sequence
@@ -31,8 +30,6 @@ SIZES = np.array([0.15, 0.4, 1.0, 2.5])       # of a change, in usual ones, eith
 AT_ONCE = 0.5                         # probability that a change was there at the first shot, if there is one
 # Chosen: once in a hundred shots, a session
 HAZARD = 0.01                         # that it comes with the next shot, if it was not
-Some = Float[np.ndarray, "..."]       # of draws alone, or of draws by changes
-TAIL_SD = 8.0                        # standard deviations: in a normal tail beyond, nothing is left of a double
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,22 +77,23 @@ def directions_of(evidence: ScoreTable, but: Collection[str] = ()) -> Int[np.nda
     assert evidence.plane is not None
     own = [k for k, column in enumerate(evidence.columns[:evidence.first_shared])
            if (column.kind == "term" or not column.follows) and column.term not in but]
-    moves = np.abs(evidence.plane.by_column).max(0) + np.abs(evidence.plane.wider_by).max(0)
+    moves = np.abs(evidence.plane.by_column).max(0) + np.abs(evidence.plane.moved_by).max((0, 1))
     return np.array([k for k in own if moves[k] > 0.0], dtype=int)
 
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """Heights as drawn: mean_m, spread_m, wider_m [m, S] of each draw; shift_m, grown_m [m, K B] by each direction and
-    size; before [m, S], filled by `run`: weight of each draw before each shot."""
+    """Observables as drawn: mean_m, spread_m [m, S] of each draw, and moved [m, S] of each further number of Outcomes;
+    shift_m, grown [m, K B] by each direction and size; before [m, S], filled by `run`: weight of each draw before each
+    shot."""
 
     scores: ScoreTable
     directions: Int[np.ndarray, " K"]
     mean_m: Float[np.ndarray, "m S"]
     spread_m: Float[np.ndarray, "m S"]
-    wider_m: Float[np.ndarray, "m S"]
+    moved: tuple[Float[np.ndarray, "m S"], ...]
     shift_m: Float[np.ndarray, "m KB"]
-    grown_m: Float[np.ndarray, "m KB"]
+    grown: tuple[Float[np.ndarray, "m KB"], ...]
     before: Float[np.ndarray, "m S"]
 
     @staticmethod
@@ -106,16 +104,18 @@ class _Work:
         numbers = np.asarray(drawn(evidence, seed))
         place = evidence.deal.place[plane.rows][:, evidence.first_shared:] - evidence.first_shared
         mine = numbers[:, place]                                     # [S, m, C - first]
-        mean, wider, log_spread = (np.einsum("smc,mc->ms", mine, by[:, evidence.first_shared:]) for by in (
-            plane.by_column, plane.wider_by, plane.log_spread_by))
+        further = np.moveaxis(plane.moved_by, 1, 0)
+        mean, log_spread, *moved = (np.einsum("smc,mc->ms", mine, by[:, evidence.first_shared:]) for by in (
+            plane.by_column, plane.log_spread_by, *further))
         among = directions_of(evidence, but)
         usual = np.array([evidence.columns[k].usual for k in among])
         sizes = np.concatenate([-SIZES, SIZES])
-        shift, grown = ((by[:, among] * usual)[:, :, None] * sizes for by in (plane.by_column, plane.wider_by))
         m = len(plane.rows)
+        shift, *grown = (((by[:, among] * usual)[:, :, None] * sizes).reshape(m, -1)
+                         for by in (plane.by_column, *further))
         return _Work(evidence, among, plane.mean_m[:, None] + mean,
-                     plane.spread_m[:, None] * np.exp(np.clip(log_spread, -2.0, 2.0)), wider, shift.reshape(m, -1),
-                     grown.reshape(m, -1), np.zeros(mean.shape))
+                     plane.spread_m[:, None] * np.exp(np.clip(log_spread, -2.0, 2.0)), tuple(moved), shift,
+                     tuple(grown), np.zeros(mean.shape))
 
     def run(self) -> Float[np.ndarray, " m"]:
         """The e-values [m]."""
@@ -144,34 +144,12 @@ class _Work:
 
     def _chances(self, shot: int) -> tuple[Float[np.ndarray, " S"], Float[np.ndarray, "S KB"]]:
         """Likelihood of a shot's outcome by each draw, unchanged and changed."""
-        mean, spread, wider = self.mean_m[shot], self.spread_m[shot], self.wider_m[shot]
-        same = self._chance(shot, mean, spread, wider)
-        return same, self._chance(shot, mean[:, None] + self.shift_m[shot], spread[:, None],
-                                  wider[:, None] + self.grown_m[shot])
-
-    def _chance(self, shot: int, mean_m: Some, spread_m: Some, wider_m: Some) -> Some:
         assert self.scores.plane is not None
-        seen = self.scores.plane.seen
-        if seen.measured[shot]:
-            off = np.clip((seen.height_m[shot] - mean_m) / spread_m, -38.0, 38.0)      # no underflow
-            return np.asarray((1.0 - LAPSE) * np.exp(-0.5 * off**2) / (np.sqrt(2.0 * np.pi) * spread_m)
-                              + LAPSE * SLIP_PER_M)
-        inner_m = seen.borders[3] if seen.borders[3] > 0.0 else seen.borders[4]
-        wider_m = np.maximum(wider_m, -inner_m)          # no opening is smaller than nothing
-        chance = sum((_share(low, high, mean_m, spread_m, wider_m)
-                      for low, high in _intervals(seen.low[shot], seen.high[shot])), start=np.zeros(()))
-        return np.asarray((1.0 - LAPSE) * chance + LAPSE / 3.0)
-
-
-def _intervals(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> Iterator[tuple[float, float]]:
-    return ((float(a), float(b)) for a, b in zip(low, high, strict=True) if a < b)
-
-
-def _share(low: float, high: float, mean_m: Some, spread_m: Some, wider_m: Some) -> Some:
-    """Of a normal height between two borders, which lie `wider_m` farther out."""
-    below, above = (np.clip((edge + np.sign(edge) * wider_m - mean_m) / spread_m, -TAIL_SD, TAIL_SD)
-                    if np.isfinite(edge) else None for edge in (low, high))
-    return np.asarray((1.0 if above is None else ndtr(above)) - (0.0 if below is None else ndtr(below)))
+        seen, mean, spread = self.scores.plane.seen, self.mean_m[shot], self.spread_m[shot]
+        moved = [part[shot] for part in self.moved]
+        changed = [part[:, None] + grown[shot] for part, grown in zip(moved, self.grown, strict=True)]
+        return seen.chance(shot, mean, spread, moved), seen.chance(shot, mean[:, None] + self.shift_m[shot],
+                                                                   spread[:, None], changed)
 
 
 def drawn(evidence: ScoreTable, seed: int) -> Float[np.ndarray, "S p"]:

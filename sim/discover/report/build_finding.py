@@ -23,8 +23,8 @@ from truearc.sim.discover.select.simulations import end_errors, side_errors, tim
 from truearc.sim.infer.fit_report import say_tracker_errors
 from truearc.sim.infer.intervals import NumberChange, tracker_errors
 from truearc.sim.infer.launcher import LauncherFit, improbable, odd_places, stopped
-from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.data import Intake, number_columns
+from truearc.sim.infer.likelihood.outcomes import best_class
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error
 from truearc.sim.physics.catalogue import CURVE, Catalogue
 from truearc.sim.physics.term import STAGES
@@ -308,4 +308,4 @@ def _accuracy(evidence: ScoreTable, change: Float[Array, "n P"]) -> float | None
     classed = np.isfinite(seen.classes)
     if not classed.any():
         return None
-    return float(np.mean((outcomes.best_class(seen, mean_m, spread_m) == seen.classes)[classed]))
+    return float(np.mean((best_class(seen, mean_m, spread_m) == seen.classes)[classed]))

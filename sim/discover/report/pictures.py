@@ -22,7 +22,6 @@ from truearc.sim.discover.detect.localization import Place, curve_of, joint_band
 from truearc.sim.discover.identifiability import Sight
 from truearc.sim.discover.report.finding_text import plain, scale_of
 from truearc.sim.infer.launcher import LauncherFit
-from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import PHONE_IN, make_png, new_figure, new_panels
@@ -75,7 +74,7 @@ class Heights:
             return np.nan, np.nan
         seen, mean_m, spread_m = plane.seen.take(mine), plane.mean_m[mine], plane.spread_m[mine]
         shifts = np.linspace(-1.0, 1.0, SHIFTS) * MOST_SPREADS * float(np.median(spread_m))
-        value = np.array([outcomes.log_likelihood(seen, mean_m + shift, spread_m).sum() for shift in shifts])
+        value = np.array([seen.log_likelihood(mean_m + shift, spread_m).sum() for shift in shifts])
         best = _uphill(value, SHIFTS // 2)
         low = best - int(np.argmax(value[best::-1] < value[best] - 0.5))
         high = best + int(np.argmax(value[best:] < value[best] - 0.5))

@@ -75,7 +75,7 @@ def _plane(plane: PlaneScores | None, own: Int[Array, " c"], times: Float[Array,
     if plane is None:
         return None
     mine = times[plane.rows]
-    return replace(plane, by_column=plane.by_column[:, own] * mine, wider_by=plane.wider_by[:, own] * mine,
+    return replace(plane, by_column=plane.by_column[:, own] * mine, moved_by=plane.moved_by[:, :, own] * mine[:, None],
                    log_spread_by=plane.log_spread_by[:, own] * mine)
 
 

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.special import ndtr, softmax
+from scipy.special import softmax
 
 from truearc.sim.discover.decide import Search, Step, clearly, judge_left
 from truearc.sim.discover.detect.battery import FREE, Test
@@ -40,10 +40,11 @@ from truearc.sim.infer.launcher import Launcher, LauncherFit, out_of_range
 from truearc.sim.infer.likelihood.layout import Layout, Point, is_tracker
 from truearc.sim.infer.likelihood.linearization import FAR_BELOW_M, LEAD, TRACK, variance_of
 from truearc.sim.infer.likelihood.noise import LAPSE, TIMED_M
-from truearc.sim.infer.likelihood.observations import OutcomeObservations, timed_noise, whiten
+from truearc.sim.infer.likelihood.observations import timed_noise, whiten
+from truearc.sim.infer.likelihood.outcomes import Outcomes
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable, folds_of
 from truearc.sim.physics.simulate import LAUNCH_STATE
-from truearc.sim.statistics import POINTS_THREE, POINTS_TWO, invert
+from truearc.sim.statistics import invert
 
 # Chosen: the rest is long enough for forces to show
 FORECAST = 0.4                        # of a track's samples: from these its end is forecast
@@ -195,54 +196,23 @@ def _from_settings(model: LauncherFit) -> PlaneScores:
     return plane
 
 
-def points_of(seen: OutcomeObservations, mine: HoldOut, both: Sequence[HoldOut], threshold: float) -> ShotPoints:
+def points_of(seen: Outcomes, mine: HoldOut, both: Sequence[HoldOut], threshold: float) -> ShotPoints:
     """Return points under the belief with the forecasts `mine`; both: forecasts of all compared beliefs."""
-    two, three = float(seen.borders[4]), float(seen.borders[3])
-    least = three if three > 0.0 else two                # of a hit-or-miss target a hit counts two
-    aimed, off_m = np.zeros(len(mine.mean_m)), np.abs(seen.height_m - mine.mean_m)
-    low, high = seen.low, seen.high
-    chance = np.stack([_share(low, high, one).sum(1) for one in both]) + 1e-12
-    for half, points in ((two, POINTS_TWO), (three, POINTS_THREE - POINTS_TWO)):
-        inside_low = np.maximum(low, (mine.mean_m - half)[:, None])
-        inside_high = np.minimum(high, (mine.mean_m + half)[:, None])
-        inside = np.stack([_share(inside_low, inside_high, one).sum(1) for one in both])
-        if half > 0.0:
-            aimed += points * np.where(seen.measured, off_m <= half, inside.sum(0) / chance.sum(0))
-    at_centre = replace(mine, mean_m=np.zeros_like(mine.mean_m))
-    return ShotPoints(np.minimum(aimed, POINTS_THREE), *(_within(least, one) >= threshold for one in (at_centre, mine)))
+    aimed = seen.points_if_aimed(mine.mean_m, [(one.mean_m, one.sd_m) for one in both])
+    return ShotPoints(aimed, *(seen.hit_chance(mean_m, mine.sd_m) >= threshold
+                               for mean_m in (seen.centred(mine.mean_m), mine.mean_m)))
 
 
-def shares_beaten(seen: OutcomeObservations, mine: HoldOut) -> float | None:
+def shares_beaten(seen: Outcomes, mine: HoldOut) -> float | None:
     """Return by how many standard errors the forecasts' log score of outcomes exceeds that of the observed proportions
     of miss, two and three; None if fewer than FEWEST outcomes are known without their height, or all are equal."""
     known = np.isfinite(seen.classes) & ~seen.measured
     level, count = np.unique(seen.classes[known], return_counts=True)
     if known.sum() < FEWEST or len(level) < 2:
         return None
-    chance = (1.0 - LAPSE) * _share(seen.low, seen.high, mine).sum(1)[known] + LAPSE / 3.0
+    chance = (1.0 - LAPSE) * seen.share(mine.mean_m, mine.sd_m)[known] + LAPSE / 3.0
     gain = np.log(chance) - np.log(count[np.searchsorted(level, seen.classes[known])] / known.sum())
     return float(gain.mean() / (gain.std() / math.sqrt(len(gain)) + 1e-12))
-
-
-def scored_points(seen: OutcomeObservations) -> Float[np.ndarray, " m"]:
-    """Return the points [m] that shots scored; for a measured height, those of its class."""
-    two, three = seen.borders[4], seen.borders[3]
-    off_m = np.abs(seen.height_m)
-    level = np.where(np.isfinite(seen.classes), seen.classes, np.where(off_m <= three, 2.0, np.where(off_m <= two, 1.0,
-                                                                                                     0.0)))
-    return np.asarray(np.choose(level.astype(int), [0.0, POINTS_TWO, POINTS_THREE]))
-
-
-def _share(low: Float[np.ndarray, "m 2"], high: Float[np.ndarray, "m 2"], one: HoldOut) -> Float[np.ndarray, "m 2"]:
-    """Probability [m, 2] of intervals; of one that ends before it begins: 0."""
-    with np.errstate(invalid="ignore"):
-        share = (ndtr((high - one.mean_m[:, None]) / one.sd_m[:, None])
-                 - ndtr((low - one.mean_m[:, None]) / one.sd_m[:, None]))
-    return np.where(low < high, np.maximum(np.nan_to_num(share), 0.0), 0.0)
-
-
-def _within(half_m: float, one: HoldOut) -> Float[np.ndarray, " m"]:
-    return np.asarray(ndtr((half_m - one.mean_m) / one.sd_m) - ndtr((-half_m - one.mean_m) / one.sd_m))
 
 
 # Chosen: moves the average by less than 2 % of an effect

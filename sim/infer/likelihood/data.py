@@ -15,7 +15,8 @@ from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.infer.belief import Curves, along
 from truearc.sim.infer.likelihood import noise
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, ShotBatch
-from truearc.sim.infer.likelihood.observations import OutcomeObservations, Samples, Scatter, samples_of, see_outcomes
+from truearc.sim.infer.likelihood.observations import Samples, Scatter, samples_of, see_outcomes
+from truearc.sim.infer.likelihood.outcomes import Outcomes
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics import simulate
 from truearc.sim.physics.simulate import has_wheels, is_opposed, launch_of, launch_state, own_balls, require, roll
@@ -224,7 +225,7 @@ class Intake:
     exits: Float[Array, "n 3"]
     exit_sd: Float[Array, "n 3"]
     marked: Int[Array, " m"]
-    seen: OutcomeObservations
+    seen: Outcomes
     tracked: Int[Array, " k"]
     samples: Samples | None
     scatter: Scatter | None
@@ -258,7 +259,7 @@ def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS)
     wheels, hood = has_wheels(rig, shots), np.isfinite(shots.number("hood_deg"))
     sped, aimed = (np.isfinite(shots.number(name)) for name in ("exit_speed_m_s", "exit_deg"))
     launched = (wheels | sped) & (hood | aimed)
-    marked, seen = see_outcomes(shots, rig.target)
+    marked, seen = see_outcomes(shots, rig)
     usable = launched[marked] & np.isfinite(shots.number("distance_m")[marked])
     seen = seen.take(usable)
     samples, scatter, notes = samples_of(dataset)

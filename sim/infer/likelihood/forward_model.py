@@ -23,6 +23,7 @@ from truearc.sim.data.dataset import Circumstances
 from truearc.sim.infer.belief import resized
 from truearc.sim.physics import catalogue as stages
 from truearc.sim.physics.catalogue import BUILT_IN, CURVE, Catalogue, effective, find_terms
+from truearc.sim.physics.facing_up import Plane
 from truearc.sim.physics.flight import AHEAD, SHARE, SLOWEST_M_S, Law, apart, make_law, together
 from truearc.sim.physics.term import DIRECTIONS, BallState, Exit, InFlight, Opening, Vec, add, axes
 
@@ -38,6 +39,9 @@ WIDTH = 12                            # slopes that are flown together; bounds m
 LEAD_STEPS = 3                        # from the launch to the first sample of its track; Runge-Kutta
 TINY_M_S = 1e-9                       # of a ball that falls straight down; bounds 1 / speed
 LOWEST_M = -6.0                       # below the floor: no height there could be a hit
+ROUGH_STEPS, FALL_STEPS = 40, 16      # down to an opening that faces up: to see when, and to see where
+LEAST_M_S, LEAST_M_S2 = 0.05, 0.1     # bounds of divisors where a ball hardly falls
+REACH = 5.0                           # of a ball that never rises to the rim; chosen: as steep as near a flight's top
 
 Slot = tuple[str, str]                # term, parameter
 Array = jax.Array | np.ndarray
@@ -80,13 +84,15 @@ class ShotBatch(NamedTuple):
 class Prediction(NamedTuple):
     """The chain's results, of one lane or of lanes [n]; or their derivatives, with one more axis at the end.
 
-    exit: log speed, elevation in rad, backspin in rev/s, of the ball as it leaves. plane: height above the target's
-    centre, lateral position, half heights of three and two points, all in m. near: the ball came there. track_m:
-    positions by the tracker.
+    exit: log speed, elevation in rad, backspin in rev/s, of the ball as it leaves. plane: of an upright target, height
+    above its centre, lateral position, half heights of three and two points, all in m. Of one that faces up, places
+    along and across in the plane of the rim, the ring's radius, half the length (m), velocity along and down (m/s),
+    height of the highest point above the rim (m), bounce of the backboard, speed of the ball's front by backspin (m/s).
+    near: the ball came there. track_m: positions by the tracker.
     """
 
     exit: Float[Array, "*n 3"]
-    plane: Float[Array, "*n 4"]
+    plane: Float[Array, "*n axes"]
     near: Bool[Array, "*n"]
     track_m: Float[Array, "*n L 3"]
 
@@ -229,13 +235,22 @@ def _see(chain: Chain, lane: ShotBatch, at: Float[jax.Array, " size"], edges_s: 
     deviate = jnp.concatenate([at[slots:slots + count], jnp.zeros(len(DEVIATES) - count)])
     pushes = at[slots + count:]
     flying = stages.flight_terms(chain.terms, chain.catalogue)
-    law = make_law(rig, flying, _own(flying, values, deviate[6]))
+    own = _own(flying, values, deviate[6])
+    law = make_law(rig, flying, own)
     push = partial(_push, pushes.reshape(len(DIRECTIONS), -1), edges_s)
     exit, distance_m = _leave(chain, rig, values, lane, deviate)
     ball = _start(rig, lane, exit, deviate)
     measured = jnp.stack([jnp.log(exit.speed_m_s), exit.elevation_rad, exit.spin_rev_s])
-    plane, near = _plane(chain, values, law, push, ball, distance_m) if chain.plane else (
-        jnp.zeros(4), jnp.array(False))
+    if not chain.plane:
+        plane, near = jnp.zeros(4), jnp.array(False)
+    elif rig.target is not None and rig.target.faces_up:
+        still = lax.stop_gradient((own, pushes, ball.spin_rev_s))
+        rough = partial(_rate, make_law(rig, flying, still[0]),
+                        partial(_push, still[1].reshape(len(DIRECTIONS), -1), edges_s), still[2])
+        opening = _opening(chain, values)
+        plane, near = _descend(rig, opening, partial(_rate, law, push, ball.spin_rev_s), rough, ball, distance_m)
+    else:
+        plane, near = _plane(chain, values, law, push, ball, distance_m)
     track_m = _track(chain, values, law, push, ball, lane, deviate) if chain.track else jnp.zeros((0, 3))
     return Prediction(measured, plane, near, track_m)
 
@@ -330,13 +345,68 @@ def _plane(chain: Chain, values: Mapping[str, Any], law: Law, push: Law, ball: B
 
     start = _pack(ball)
     (end, near), _ = lax.scan(advance, (start, (start[3] > SLOWEST_M_S) & (step_m > 0.0)), None, length=PLANE_STEPS)
+    opening = _opening(chain, values)
+    return jnp.stack([end[2] - opening.centre_m, end[1], opening.three_half_m + 0.0 * end[1],
+                      opening.two_half_m + 0.0 * end[1]]), near
+
+
+def _opening(chain: Chain, values: Mapping[str, Any]) -> Opening:
+    """As the arrival terms make it."""
     target = chain.rig.target
     opening = Opening(target.centre_height_m, target.three_half_height_m, target.two_half_height_m) if target else (
         Opening(0.0, 0.07, 0.35))
     for term in stages.arrival_terms(values, chain.catalogue):
         opening = term.arrive(values[term.name], opening)
-    return jnp.stack([end[2] - opening.centre_m, end[1], opening.three_half_m + 0.0 * end[1],
-                      opening.two_half_m + 0.0 * end[1]]), near
+    return opening
+
+
+def _descend(rig: Rig, opening: Opening, rate: Rate, rough: Rate, ball: BallState,
+             distance_m: Number) -> tuple[Float[jax.Array, "9"], Bool[jax.Array, ""]]:
+    """(as in Prediction.plane, near): where the ball last goes down through the plane of an opening that faces up,
+    behind its backboard if need be.
+
+    When it does so is found on a rough flight, without derivatives; then it flies there in FALL_STEPS. Of a ball that
+    never rises to the plane the place is made up: in front of the opening, by REACH times what it lacks.
+    """
+    assert rig.target is not None
+    plane = Plane.of(rig.target, distance_m, opening.centre_m)
+    start = _pack(ball)
+
+    def apart(state: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Height above the plane, and its rate."""
+        return (plane.above(state[..., 0] - plane.distance_m, state[..., 2] - plane.height_m),
+                plane.above(state[..., 3], state[..., 5]))
+
+    begin, gravity = lax.stop_gradient(start), jnp.maximum(rig.world.gravity_m_s2, LEAST_M_S2)
+    # twice a flight without air to a metre below the floor: a ball with backspin stays aloft longer
+    longest_s = 2.0 * (begin[5] + jnp.sqrt(begin[5]**2 + 2.0 * gravity * (jnp.abs(begin[2]) + 1.0))) / gravity
+    step_s = longest_s / ROUGH_STEPS
+    after = lax.scan(lambda state, _: (_runge_kutta(rough, state, step_s),) * 2, begin, None, length=ROUGH_STEPS)[1]
+    height, speed = lax.stop_gradient(apart(jnp.concatenate([begin[None], after])))
+    # by the parabola through both ends of each step
+    bend = jnp.maximum(2.0 * (height[:-1] + speed[:-1] * step_s - height[1:]) / step_s**2, LEAST_M_S2)
+    under = speed[:-1]**2 + 2.0 * bend * height[:-1]
+    part_s = (speed[:-1] + jnp.sqrt(jnp.maximum(under, 0.0))) / bend
+    falls = (under >= 0.0) & (part_s >= 0.0) & (part_s < step_s)
+    reached, top = jnp.any(falls), jnp.argmax(height)
+    last = jnp.where(reached, ROUGH_STEPS - 1 - jnp.argmax(falls[::-1]), jnp.minimum(top, ROUGH_STEPS - 1))
+    time_s = last * step_s + jnp.where(reached, part_s[last], jnp.clip(speed[last] / bend[last], -step_s, step_s))
+    end = lax.scan(lambda state, _: (_runge_kutta(rate, state, time_s / FALL_STEPS), None), start, None,
+                   length=FALL_STEPS)[0]
+    for _ in range(2):
+        above_m, rising = apart(end)
+        rest_s = jnp.where(reached, -above_m / jnp.minimum(rising, -LEAST_M_S), 0.0)
+        end = _runge_kutta(rate, end, jnp.clip(rest_s, -step_s, step_s))
+    above_m, rising = apart(end)
+    along = plane.along(end[0] - plane.distance_m, end[2] - plane.height_m)
+    ahead = plane.along(end[3], end[5])
+    down = jnp.where(reached, -rising, ahead)
+    place = jnp.where(reached, along, -opening.two_half_m + REACH * above_m)
+    top_m = jnp.where(reached, 0.5 * rising**2 / (gravity * plane.cosine), above_m)
+    front_m_s = -2.0 * jnp.pi * rig.ball.radius_m * ball.spin_rev_s.y
+    found = jnp.stack([place, end[1], opening.three_half_m + 0.0 * end[1], opening.two_half_m + 0.0 * end[1], ahead,
+                       down, top_m, opening.bounce + 0.0 * end[1], front_m_s + 0.0 * end[1]])
+    return found, jnp.all(jnp.isfinite(found))
 
 
 def _track(chain: Chain, values: Mapping[str, Any], law: Law, push: Law, ball: BallState, lane: ShotBatch,

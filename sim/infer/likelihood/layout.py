@@ -221,7 +221,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
     free to have other balls, so that both absorb alike what the belief leaves, and as uncertain as without the belief,
     which must not be counted twice.
     """
-    catalogue = known_terms.as_catalogue(among)
+    catalogue = known_terms.as_catalogue(among).of(intake.rig)
     check_believed((name for name in believed if belief is None or name not in belief.coefficients), catalogue)
     slots = tuple((term.name, p.name) for term in catalogue for p in term.parameters)
     usual = np.array([float(p.default) for term in catalogue for p in term.parameters])
@@ -230,7 +230,8 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
                   bool(len(intake.marked)), tracked, bool(np.asarray(intake.lanes.free).any()), catalogue)
     edges = _edges(intake) if later is None else later.edges_s
     first_push, width = len(slots) + chain.deviates, chain.pushes // len(DIRECTIONS)
-    found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if filmed else []))]
+    aside = filmed or intake.seen.axes > 1
+    found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if aside else []))]
     found += [(column, first_push + number) for number, column in _pushes(chain, width, edges)]
     sideless = intake.scatter is not None and intake.scatter.sigma_m[1] >= noise.UNMEASURED_M       # y tells nothing
     if sideless:
@@ -375,7 +376,7 @@ def _changed(shared: list[tuple[Column, int, float, float]], belief: Belief | No
 def _scatter_place(intake: Intake, first: int, number: int) -> int:
     """The column of a scatter, or -1 where nothing could tell it."""
     there = np.append(intake.scattered != 0.0, np.full((len(intake.rows), 1), intake.filmed), axis=1)
-    wanted = [bool(there[:, k].any()) and (one != "scatter.azimuth_rad" or intake.filmed)
+    wanted = [bool(there[:, k].any()) and (one != "scatter.azimuth_rad" or intake.filmed or intake.seen.axes > 1)
               for k, one in enumerate(noise.SCATTERS)]
     return first + sum(wanted[:number]) if wanted[number] else -1
 

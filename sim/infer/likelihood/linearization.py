@@ -14,7 +14,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from truearc.sim.infer.likelihood import observations as outcomes
+from truearc.sim.infer.likelihood import outcomes
 from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, Prediction, see_in_blocks
 from truearc.sim.infer.likelihood.layout import Layout, Point
@@ -127,6 +127,10 @@ LOST = 1e-6                           # of a square, that rounding may take belo
 SCATTERED = (0, 1, 2, 4, 6, 7)        # deviates that scatter: log speed, elevation, azimuth, distance, drag, spin
 TRACK = len(SCATTERED)                # place of the track's noise among the scatters: the last
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
+TOP = 6                               # of Prediction.plane: the height of the highest point above the rim
+GRAZING = 5.0                         # standard deviations of it; measured there: beyond, 0.01 by the linear model
+# Measured: tests/sim/infer/test_ground.py, chances within 0.01 of 10^6 flights
+RISING, ASIDE, FARTHEST = 45, 3, 4.5  # nodes along and across the way up; standard deviations of the outermost
 BESIDE = 0.001                        # standard deviations of the height, between slopes that are compared
 STEEPEST = 1e6                        # m by a deviate: of a flight that goes astray
 
@@ -135,7 +139,7 @@ STEEPEST = 1e6                        # m by a deviate: of a flight that goes as
 class Linearization:
     """The prediction at a spot, its slopes by the layout's inputs, then deviates (last axis), and the normal equations
     of tracks and exits in both. log_spread_by [n, inputs]: slopes of the log standard deviation of the height at the
-    plane; of tracked shots 0."""
+    plane; of tracked shots 0. nodes: of shots whose prediction and slopes at the target are means over these."""
 
     point: Point
     seen: Prediction
@@ -143,6 +147,7 @@ class Linearization:
     exits: Normal
     tracks: Normal | None
     log_spread_by: Float[Array, "n inputs"]
+    nodes: outcomes.Nodes | None = None
 
     def change(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
         """Return the change of the inputs from the spot to other values; group inputs do not change. Everything is
@@ -207,7 +212,7 @@ def _scaled(layout: Layout, linear: Float[Array, "n C"], bend: Float[Array, "n C
         return linear, bend, plane
     scale = np.concatenate([np.ones(len(layout.columns) - layout.grouped), groups.scale])
     if plane is not None:
-        plane = replace(plane, by_column=plane.by_column * scale, wider_by=plane.wider_by * scale,
+        plane = replace(plane, by_column=plane.by_column * scale, moved_by=plane.moved_by * scale,
                         log_spread_by=plane.log_spread_by * scale)
     return linear * scale, bend * scale[:, None] * scale, plane
 
@@ -251,7 +256,78 @@ def fly(intake: Intake, layout: Layout, spot: Point) -> Linearization:
 def _linearization(intake: Intake, layout: Layout, spot: Point, seen: Prediction,
                    slopes: Prediction) -> Linearization:
     exits, tracks = multiply_out(intake, seen, slopes, spot.deviates)
-    return Linearization(spot, seen, slopes, exits, tracks, _log_spread_by(intake, layout, spot, seen, slopes, exits))
+    log_spread_by = _log_spread_by(intake, layout, spot, seen, slopes, exits)
+    if not layout.chain.plane or intake.seen.axes == 1:
+        return Linearization(spot, seen, slopes, exits, tracks, log_spread_by)
+    covariance = _given_exits(intake, layout, spot, exits)
+    grazing = _grazing(intake, seen, slopes, covariance)
+    if not len(grazing):
+        return Linearization(spot, seen, slopes, exits, tracks, log_spread_by)
+    nodes, seen, slopes = _over_nodes(intake, layout, spot, seen, slopes, covariance, grazing)
+    log_spread_by[grazing] = 0.0
+    return Linearization(spot, seen, slopes, exits, tracks, log_spread_by, nodes)
+
+
+def _given_exits(intake: Intake, layout: Layout, spot: Point, normal: Normal) -> Float[Array, "n D D"]:
+    """Covariance of the deviates given the measured exits."""
+    inputs = len(layout.inputs)
+    sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :layout.chain.deviates]
+    inner = np.eye(sd.shape[1]) + sd[:, :, None] * normal.inner[:, inputs:, inputs:] * sd[:, None, :]
+    return np.asarray(sd[:, :, None] * np.linalg.inv(inner) * sd[:, None, :])
+
+
+def _grazing(intake: Intake, seen: Prediction, slopes: Prediction,
+             covariance: Float[Array, "n D D"]) -> Int[Array, " k"]:
+    """Shots whose highest point is within GRAZING standard deviations of the rim, or that come up so near to it."""
+    deviates = covariance.shape[1]
+    by = np.clip(slopes.plane[:, :, slopes.plane.shape[2] - deviates:], -STEEPEST, STEEPEST)
+    sd = np.sqrt(np.einsum("nad,nde,nae->na", by, covariance, by))
+    along, ahead, down, top = (np.asarray(seen.plane)[:, axis] for axis in (0, 4, 5, TOP))
+    begin_m = along - 2.0 * ahead * down / intake.rig.world.gravity_m_s2      # where it rose through the plane
+    rises_near = begin_m + GRAZING * sd[:, 0] > -seen.plane[:, 3] - 2.0 * np.asarray(intake.lanes.ball_m)
+    near = (top > -GRAZING * sd[:, TOP]) & ((top < GRAZING * sd[:, TOP]) | rises_near) & seen.near
+    return np.intersect1d(np.flatnonzero(near), intake.marked)
+
+
+def _over_nodes(intake: Intake, layout: Layout, spot: Point, seen: Prediction, slopes: Prediction,
+                covariance: Float[Array, "n D D"], rows: Int[Array, " k"]
+                ) -> tuple[outcomes.Nodes, Prediction, Prediction]:
+    """(nodes, prediction and slopes with means over them): flights of launches that differ in log speed and elevation.
+
+    Most nodes lie along the direction in which the highest point rises, since where a ball comes down bends with that.
+    """
+    deviates = covariance.shape[1]
+    root = np.linalg.cholesky(covariance[rows][:, :2, :2] + 1e-18 * np.eye(2))
+    rise = np.einsum("kd,kde->ke", slopes.plane[rows][:, TOP, -deviates:][:, :2], root)
+    rise /= np.maximum(np.linalg.norm(rise, axis=1, keepdims=True), 1e-12)
+    turn = np.stack([rise, np.stack([-rise[:, 1], rise[:, 0]], axis=1)], axis=2)
+    x, w = np.polynomial.legendre.leggauss(RISING)
+    up, weight_up = FARTHEST * x, FARTHEST * w * np.exp(-0.5 * (FARTHEST * x)**2) / np.sqrt(2.0 * np.pi)
+    aside, weight_aside = np.polynomial.hermite_e.hermegauss(ASIDE)
+    at = np.stack([part.ravel() for part in np.meshgrid(up, aside, indexing="ij")], axis=1)
+    weight = np.outer(weight_up / weight_up.sum(), weight_aside / weight_aside.sum()).ravel()
+    moved = np.einsum("kde,kef,qf->kqd", root, turn, at)
+    lanes, many = np.repeat(rows, len(at)), spot.deviates[np.repeat(rows, len(at))]
+    many[:, :2] += moved.reshape(-1, 2)
+    some = replace(intake, lanes=intake.lanes.take(lanes))
+    both = np.concatenate([layout.inputs, len(layout.chain.slots) + np.arange(layout.chain.deviates)])
+    flown, by = _fly(some, layout, replace(spot, deviates=many), both)
+    plane, by_plane = (np.asarray(part.plane).reshape(len(rows), len(at), *part.plane.shape[1:])
+                       for part in (flown, by))
+    reached = (plane[:, :, TOP] > 0.0) & np.asarray(flown.near).reshape(plane.shape[:2])
+    share = weight * reached
+    share = np.where(reached.any(1, keepdims=True), share, weight)
+    share = share / share.sum(1, keepdims=True)
+    mean = np.einsum("kq,kqa->ka", share, plane)
+    bounded = np.clip(np.nan_to_num(by_plane), -STEEPEST, STEEPEST)
+    mean_by = np.einsum("kq,kqac->kac", share, bounded)
+    mean_by[:, :, -deviates:][:, :, :2] = 0.0                        # the nodes have these
+    new_plane, new_slopes = np.array(seen.plane), np.array(slopes.plane)
+    new_plane[rows], new_slopes[rows] = mean, mean_by
+    place = np.searchsorted(intake.marked, rows)
+    nodes = outcomes.Nodes(place, np.broadcast_to(weight, reached.shape), plane[:, :, 0] - mean[:, [0]],
+                           plane[:, :, 1] - mean[:, [1]], plane, reached)
+    return nodes, seen._replace(plane=new_plane), slopes._replace(plane=new_slopes)
 
 
 def _log_spread_by(intake: Intake, layout: Layout, spot: Point, seen: Prediction,
@@ -265,9 +341,7 @@ def _log_spread_by(intake: Intake, layout: Layout, spot: Point, seen: Prediction
     result = np.zeros((len(intake.rows), inputs))
     if layout.steady or intake.samples is not None or not len(intake.marked) or not layout.chain.plane:
         return result
-    sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :layout.chain.deviates]
-    inner = np.eye(sd.shape[1]) + sd[:, :, None] * normal.inner[:, inputs:, inputs:] * sd[:, None, :]
-    covariance = sd[:, :, None] * np.linalg.inv(inner) * sd[:, None, :]
+    covariance = _given_exits(intake, layout, spot, normal)
     by_deviate = np.clip(slopes.plane[:, 0, inputs:], -STEEPEST, STEEPEST)
     toward = np.einsum("nde,ne->nd", covariance, by_deviate)
     spread = np.sqrt((toward * by_deviate).sum(1) + FLOOR_M**2)
@@ -392,29 +466,31 @@ def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization, ch
     seen = flown.seen._replace(plane=flown.seen.plane + slopes.plane[..., :inputs] @ change)
     near = seen.near[rows]
     slope = np.where(near[:, None, None], slopes.plane[rows], 0.0)
-    by_deviate = slope[:, 0, inputs:]
-    by_column, wider = np.zeros((2, len(rows), count))
-    by_column[:, columns] = slope[:, 0, :inputs]
-    wider[:, columns] = slope[:, 2:4, :inputs].mean(1)
-    by_column += np.einsum("md,mdp->mp", by_deviate, left.mean_by[rows])
-    mean = seen.plane[rows, 0] + np.einsum("md,md->m", by_deviate, left.mean[rows] - spot.deviates[rows])
-    variance = np.einsum("md,mde,me->m", by_deviate, left.covariance[rows], by_deviate) + FLOOR_M**2
-    log_spread = np.zeros((len(rows), count))
-    log_spread[:, columns] = flown.log_spread_by[rows]
+    moved = np.zeros((len(rows), intake.seen.moves, count))
+    moved[:, :, columns] = intake.seen.moves_by(slope[:, :, :inputs])
     scattered = intake.scattered[rows] * np.exp(2.0 * spot.log_scatter[:TRACK])
     kept = np.diagonal(left.covariance[rows], axis1=1, axis2=2) / np.maximum(sd[rows]**2, 1e-300)
-    for number, (column, deviate) in enumerate(zip(layout.scatters[:TRACK], SCATTERED, strict=True)):
-        if column >= 0 and deviate < sd.shape[1]:
-            log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2) / variance
+
+    def scatter(axis: int) -> tuple[Array, Array, Array, Array]:
+        """(mean, variance [m], slopes of the mean and of the log spread [m, count]) of a coordinate at the target."""
+        by_deviate, by_column, log_spread = slope[:, axis, inputs:], *np.zeros((2, len(rows), count))
+        by_column[:, columns] = slope[:, axis, :inputs]
+        by_column += np.einsum("md,mdp->mp", by_deviate, left.mean_by[rows])
+        mean = seen.plane[rows, axis] + np.einsum("md,md->m", by_deviate, left.mean[rows] - spot.deviates[rows])
+        variance = np.einsum("md,mde,me->m", by_deviate, left.covariance[rows], by_deviate) + FLOOR_M**2
+        log_spread[:, columns] = flown.log_spread_by[rows] * (axis == 0)
+        for number, (column, deviate) in enumerate(zip(layout.scatters[:TRACK], SCATTERED, strict=True)):
+            if column >= 0 and deviate < sd.shape[1]:
+                log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2
+                                         ) / variance
+        return mean, variance, by_column, log_spread
+
+    mean, variance, by_column, log_spread = scatter(0)
+    across_m = None
+    if intake.seen.axes > 1:
+        mean_across, square, moved[:, 1], moved[:, 2] = scatter(1)
+        across_m = np.stack([mean_across, np.sqrt(square)], axis=1)
     wider_by = np.exp(np.clip(flown.log_spread_by @ change, -2.0, 2.0))
     spread = np.where(near, np.sqrt(variance) * wider_by[rows], 1.0)
-    return PlaneScores(rows, _opening(intake, seen, rows), np.where(near, mean, FAR_BELOW_M), spread, by_column, wider,
-                 log_spread)
-
-
-def _opening(intake: Intake, seen: Prediction, rows: Int[Array, " m"]) -> outcomes.OutcomeObservations:
-    """The observations, of the opening as it is at the spot: arrival terms may have moved its borders."""
-    if intake.rig.target is None:
-        return intake.seen
-    wider_m = float((seen.plane[rows, 3] - intake.rig.target.two_half_height_m).mean())
-    return outcomes.reopened(intake.seen, wider_m) if wider_m != 0.0 else intake.seen
+    marks = intake.seen.at(np.asarray(seen.plane)[rows], across_m, flown.nodes)
+    return PlaneScores(rows, marks, np.where(near, mean, FAR_BELOW_M), spread, by_column, moved, log_spread)

@@ -15,8 +15,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.sim.infer.likelihood import observations as outcomes
-from truearc.sim.infer.likelihood.observations import OutcomeObservations
+from truearc.sim.infer.likelihood.outcomes import Outcomes
 from truearc.sim.statistics import invert
 
 Array = np.ndarray
@@ -24,7 +23,7 @@ Change = Float[Array, " P"]            # of all columns
 Which = Bool[Array, " P"]
 Centre = Float[Array, " p"]            # of the shared ones
 Precision = Float[Array, "p p"]
-Seen = tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]]       # with mean and spread of the heights
+Seen = tuple[Outcomes, Float[Array, " m"], Float[Array, " m"]]       # with mean and spread of the observable
 
 
 @dataclass(frozen=True)
@@ -54,26 +53,28 @@ class Column:
 
 @dataclass(frozen=True)
 class PlaneScores:
-    """Heights at the plane of m of the n shots (`rows`), normal: mean and spread [m] in m above the target's centre.
+    """Observables at the target of m of the n shots (`rows`), normal: mean and spread [m] in m from its centre, such as
+    the height at an upright plane.
 
-    by_column [m, C]: of the mean; wider_by [m, C]: metres by which borders move outwards; log_spread_by [m, C].
+    by_column [m, C]: of the mean; moved_by [m, moves, C]: of the further numbers of Outcomes, the first of which is
+    metres by which borders move outwards; log_spread_by [m, C].
     """
 
     rows: Int[Array, " m"]
-    seen: OutcomeObservations
+    seen: Outcomes
     mean_m: Float[Array, " m"]
     spread_m: Float[Array, " m"]
     by_column: Float[Array, "m C"]
-    wider_by: Float[Array, "m C"]
+    moved_by: Float[Array, "m moves C"]
     log_spread_by: Float[Array, "m C"]
 
     def moved(self, change: Float[Array, "n C"]) -> Seen:
         """Return (seen, mean, spread) after `change` [n, C]."""
         mine = change[self.rows]
-        mean, wider, log_spread = (np.einsum("mp,mp->m", mine, by)
-                                   for by in (self.by_column, self.wider_by, self.log_spread_by))
-        seen = outcomes.widened(self.seen, wider) if wider.any() else self.seen
-        return seen, self.mean_m + mean, self.spread_m * np.exp(np.clip(log_spread, -2.0, 2.0))
+        mean, log_spread, *moved = (np.einsum("mp,mp->m", mine, by) for by in (
+            self.by_column, self.log_spread_by, *np.moveaxis(self.moved_by, 1, 0)))
+        spread_m = self.spread_m * np.exp(np.clip(log_spread, -2.0, 2.0))
+        return self.seen.moved(np.stack(moved, axis=1)), self.mean_m + mean, spread_m
 
 
 @dataclass(frozen=True)
@@ -208,8 +209,9 @@ class ScoreTable:
         value: Array = np.einsum("ni,ni->n", self.linear, own) - 0.5 * np.einsum("ni,nij,nj->n", own, self.bend, own)
         if self.plane is not None:
             plane = self.plane
-            before = outcomes.log_likelihood(plane.seen, plane.mean_m, plane.spread_m)
-            value[plane.rows] += outcomes.log_likelihood(*plane.moved(own)) - before
+            before = plane.seen.log_likelihood(plane.mean_m, plane.spread_m)
+            seen, mean_m, spread_m = plane.moved(own)
+            value[plane.rows] += seen.log_likelihood(mean_m, spread_m) - before
         return value
 
     def heights(self, change: Float[Array, "n P"]) -> Seen:
@@ -241,7 +243,7 @@ class ScoreTable:
         deal, own = self.deal.pick(kept)
         plane = self.plane
         if plane is not None:
-            plane = replace(plane, by_column=plane.by_column[:, own], wider_by=plane.wider_by[:, own],
+            plane = replace(plane, by_column=plane.by_column[:, own], moved_by=plane.moved_by[:, :, own],
                             log_spread_by=plane.log_spread_by[:, own])
         square = np.ix_(np.arange(len(self.bend)), own, own)
         return ScoreTable(self.rows, tuple(self.columns[k] for k in kept), deal, self.point[kept], self.linear[:, own],
@@ -270,7 +272,7 @@ def make_evidence(rows: Int[Array, " n"], columns: tuple[Column, ...], point: Fl
     score, info, log_score = linear.copy(), bend, log_linear.copy()
     if plane is not None:
         info = _with_plane(plane, (plane.seen, plane.mean_m, plane.spread_m), score, bend)
-        log_score[plane.rows] += outcomes.log_likelihood(plane.seen, plane.mean_m, plane.spread_m)
+        log_score[plane.rows] += plane.seen.log_likelihood(plane.mean_m, plane.spread_m)
     deal = deal or GroupedColumns.plain(len(rows), len(columns))
     return ScoreTable(rows, columns, deal, point, linear, bend, plane, precision, pull, log_score, score, info)
 
@@ -285,14 +287,15 @@ def _with_plane(plane: PlaneScores, there: Seen, score: Float[Array, "n C"],
     return info
 
 
-def plane_terms(plane: PlaneScores, seen: OutcomeObservations, mean_m: Float[Array, " m"],
+def plane_terms(plane: PlaneScores, seen: Outcomes, mean_m: Float[Array, " m"],
                 spread_m: Float[Array, " m"]) -> tuple[Float[Array, "m C"], Float[Array, "m C C"]]:
     """Return score and expected information of the observations at the plane."""
-    by_mean, by_log, by_width = outcomes.slopes(seen, mean_m, spread_m)
-    score = (by_mean[:, None] * plane.by_column + by_log[:, None] * plane.log_spread_by
-             + by_width[:, None] * plane.wider_by)
-    carry = np.stack([plane.by_column, plane.log_spread_by, plane.wider_by], axis=1)
-    return score, np.swapaxes(carry, 1, 2) @ (outcomes.information(seen, mean_m, spread_m) @ carry)
+    (by_mean, by_log, *by_move), information = seen.slopes_and_information(mean_m, spread_m)
+    score = by_mean[:, None] * plane.by_column + by_log[:, None] * plane.log_spread_by
+    for number, by in enumerate(by_move):
+        score = score + by[:, None] * plane.moved_by[:, number]
+    carry = np.concatenate([np.stack([plane.by_column, plane.log_spread_by], axis=1), plane.moved_by], axis=1)
+    return score, np.swapaxes(carry, 1, 2) @ (information @ carry)
 
 
 # Source: five or ten are a good compromise of bias and variance (Hastie et al. 2009, 7.10)

@@ -7,7 +7,8 @@ import numpy as np
 
 from tests.sim.discover.worlds import FACTS
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.likelihood.observations import OutcomeObservations, see_outcomes
+from truearc.sim.infer.likelihood.observations import see_outcomes
+from truearc.sim.infer.likelihood.outcomes import Outcomes
 from truearc.sim.infer.likelihood.score_table import Column, PlaneScores, ScoreTable, make_evidence
 
 BORDERS = ("miss", "two", "three")
@@ -42,14 +43,14 @@ def at_least_squares(y: np.ndarray, asked: np.ndarray, shared: np.ndarray, usual
     return gaussian(left, np.concatenate([asked, shared], axis=1), columns)
 
 
-def heights(n: int, rng: np.random.Generator) -> OutcomeObservations:
+def heights(n: int, rng: np.random.Generator) -> Outcomes:
     """Random outcomes, some with sides, some measured instead."""
     outcome = rng.choice(BORDERS, n)
     side = np.where((outcome != "three") & (rng.random(n) < 0.4), rng.choice(("low", "high"), n), "")
     measured = np.where(rng.random(n) < 0.3, rng.normal(0.0, 0.3, n), np.nan)
     shots = Shots(tuple(map(str, range(n))), {"miss_height_m": measured},
                   {"outcome": tuple(outcome.tolist()), "side": tuple(side.tolist())})
-    return see_outcomes(shots, FACTS.target)[1]
+    return see_outcomes(shots, FACTS)[1]
 
 
 def with_plane(seed: int, n: int = 12, wide: int = 4) -> ScoreTable:
@@ -59,7 +60,7 @@ def with_plane(seed: int, n: int = 12, wide: int = 4) -> ScoreTable:
     rows = np.arange(0, n, 2)
     plane = PlaneScores(rows, heights(len(rows), rng), rng.normal(0.0, 0.3, len(rows)),
                         rng.uniform(0.05, 0.3, len(rows)), rng.normal(0.0, 0.3, (len(rows), wide)),
-                        rng.normal(0.0, 0.01, (len(rows), wide)), rng.normal(0.0, 0.1, (len(rows), wide)))
+                        rng.normal(0.0, 0.01, (len(rows), 1, wide)), rng.normal(0.0, 0.1, (len(rows), wide)))
     columns = (*(column(f"c{k}") for k in range(wide - 2)), column("a", "shared"), column("b", "shared"))
     return make_evidence(np.arange(n), columns, np.zeros(wide), rng.normal(size=(n, wide)),
                          root @ np.swapaxes(root, 1, 2), plane, np.diag([2.0, 3.0]), np.array([0.3, -0.1]),

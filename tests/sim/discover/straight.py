@@ -53,7 +53,7 @@ def take_straight(y: np.ndarray) -> Intake:
     zero = np.zeros(n)
     lanes = ShotBatch(Exit(zero, zero, zero, zero), 0.0, zero, zero, zero, zero, zero, np.arange(n), Circumstances(),
                       0.0, 0.0, 0.0, zero, 0.0)
-    marked, seen = see_outcomes(Shots(tuple(map(str, range(n))), {}, {}), FACTS.target)
+    marked, seen = see_outcomes(Shots(tuple(map(str, range(n))), {}, {}), FACTS)
     return Intake(FACTS, FACTS, np.arange(n), lanes, np.zeros((n, len(DEVIATES))), np.zeros((n, len(SCATTERED))),
                   np.stack([y, unknown, unknown], axis=1), np.ones((n, 3)), marked, seen, np.zeros(0, int), None, None,
                   "L1", ())

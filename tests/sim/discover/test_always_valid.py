@@ -11,8 +11,8 @@ from truearc.robot.config.rig_spec import Target
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect import always_valid
 from truearc.sim.discover.detect.always_valid import AT_ONCE, HAZARD, SIZES, drawn, test_change
+from truearc.sim.infer.likelihood.heights import see_heights
 from truearc.sim.infer.likelihood.noise import LAPSE
-from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable, make_evidence
 
 THREE_M, TWO_M = 0.07, 0.3
@@ -28,8 +28,8 @@ def make_table(outcome: tuple[str, ...], by: np.ndarray, sd_m: float = 0.05, wid
     shots = Shots(tuple(map(str, range(n))), {"miss_height_m": np.full(n, np.nan)},
                   {"outcome": outcome, "side": ("",) * n})
     slopes = np.column_stack([by, np.full(n, sd_m)])
-    plane = PlaneScores(np.arange(n), see_outcomes(shots, TARGET)[1], np.zeros(n), np.full(n, SPREAD_M), slopes,
-                        wider_m * np.array([[1.0, 0.0, 0.0]] * n), np.zeros_like(slopes))
+    plane = PlaneScores(np.arange(n), see_heights(shots, TARGET)[1], np.zeros(n), np.full(n, SPREAD_M), slopes,
+                        wider_m * np.array([[[1.0, 0.0, 0.0]]] * n), np.zeros_like(slopes))
     columns = (column("wind.speed", "term"), column("hood.angle", "term"), column("speed", "shared"))
     return make_evidence(np.arange(n), columns, np.zeros(3), np.zeros((n, 3)), np.zeros((n, 3, 3)), plane, np.eye(1),
                          np.zeros(1), np.zeros(n))

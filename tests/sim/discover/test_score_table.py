@@ -96,18 +96,18 @@ def both_ways(seed: int) -> tuple[ScoreTable, ScoreTable]:
     root, rows = rng.normal(size=(SHOTS, own, own)), np.arange(0, SHOTS, 2)
     bend, linear = root @ np.swapaxes(root, 1, 2), rng.normal(size=(SHOTS, own))
     seen, mean, spread = heights(len(rows), rng), rng.normal(0.0, 0.3, len(rows)), rng.uniform(0.05, 0.3, len(rows))
-    parts = [rng.normal(0.0, size, (len(rows), own)) for size in (0.3, 0.01, 0.1)]
+    by, moved, spread_by = (rng.normal(0.0, size, (len(rows), own)) for size in (0.3, 0.01, 0.1))
     columns = (*(column(f"c{k}") for k in range(2)), column("a", "shared"), column("b", "shared"),
                *(column(f"ball {k}", "group") for k in range(EFFECTS * GROUPS)))
     precision, pull = np.diag(rng.uniform(0.5, 2.0, WIDE - 2)), rng.normal(size=WIDE - 2)
     rest, told = (precision, pull, rng.normal(size=SHOTS)), indicators(label)
     few = make_evidence(np.arange(SHOTS), columns, np.zeros(WIDE), linear, bend,
-                        PlaneScores(rows, seen, mean, spread, *parts), *rest,
+                        PlaneScores(rows, seen, mean, spread, by, moved[:, None], spread_by), *rest,
                         GroupedColumns(REAL, EFFECTS, GROUPS, label))
-    dealt = [np.einsum("nc,ncp->np", part, told[rows]) for part in parts]
+    by, moved, spread_by = (np.einsum("nc,ncp->np", part, told[rows]) for part in (by, moved, spread_by))
+    dealt = PlaneScores(rows, seen, mean, spread, by, moved[:, None], spread_by)
     many = make_evidence(np.arange(SHOTS), columns, np.zeros(WIDE), np.einsum("nc,ncp->np", linear, told),
-                         np.einsum("ncp,ncd,ndq->npq", told, bend, told), PlaneScores(rows, seen, mean, spread, *dealt),
-                         *rest)
+                         np.einsum("ncp,ncd,ndq->npq", told, bend, told), dealt, *rest)
     return few, many
 
 

@@ -9,15 +9,16 @@ from tests.sim.discover.made import column, gaussian
 from truearc.robot.config.rig_spec import Target
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.investigate import ball_effects, usual_gain, usual_score
-from truearc.sim.discover.select.simulations import HoldOut, ShotPoints, points_of, scored_points
-from truearc.sim.infer.likelihood.observations import OutcomeObservations, see_outcomes
+from truearc.sim.discover.select.simulations import HoldOut, ShotPoints, points_of
+from truearc.sim.infer.likelihood.heights import see_heights
+from truearc.sim.infer.likelihood.outcomes import Outcomes
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 THREE_M, TWO_M, SCATTER_M = 0.07, 0.35, 0.08
 TARGET = Target(2.44, three_half_height_m=THREE_M, two_half_height_m=TWO_M)
 
 
-def see(height_m: np.ndarray, measured: bool = False, side: bool = True) -> OutcomeObservations:
+def see(height_m: np.ndarray, measured: bool = False, side: bool = True) -> Outcomes:
     """The observations of heights above the centre."""
     size = np.abs(height_m)
     outcome = np.where(size <= THREE_M, "three", np.where(size <= TWO_M, "two", "miss"))
@@ -25,7 +26,7 @@ def see(height_m: np.ndarray, measured: bool = False, side: bool = True) -> Outc
     shots = Shots(tuple(map(str, range(len(height_m)))),
                   {"miss_height_m": height_m if measured else np.full(len(height_m), np.nan)},
                   {"outcome": tuple(outcome.tolist()), "side": tuple(sides.tolist())})
-    return see_outcomes(shots, TARGET)[1]
+    return see_heights(shots, TARGET)[1]
 
 
 def scored(miss_m: np.ndarray) -> np.ndarray:
@@ -57,7 +58,7 @@ def test_the_better_belief_has_more_points_and_its_gate_fires_the_better_shots()
     seen = see(height_m)
     before, after = (points_of(seen, one, (wrong, right), 0.3) for one in (wrong, right))
     assert after.aimed.mean() > before.aimed.mean() + 0.3
-    points = scored_points(seen)
+    points = seen.points()
     assert points == pytest.approx(scored(height_m))
     assert points[after.fires].mean() > points[before.fires].mean() + 0.2
 

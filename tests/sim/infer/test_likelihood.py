@@ -18,12 +18,11 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.belief import Belief, draw, point_belief
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.launcher import USUAL_SCATTER
-from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.heights import HeightOutcomes, see_heights
 from truearc.sim.infer.likelihood.layout import Point, lay_out, only_shared
 from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.noise import EXIT_SPEED_M_S, LAPSE
-from truearc.sim.infer.likelihood.observations import OutcomeObservations, class_chances, see_outcomes, widened
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 TRUTH = Truth(speed_sd=0.02, elevation_sd_deg=0.5)
@@ -48,7 +47,7 @@ def test_outcomes_are_those_of_many_real_shots():
     shots = Shots(tuple("abcdef"), dict(zip(("distance_m", "hood_deg", "motor_ratio"), configuration, strict=True)),
                   {"outcome": ("miss",) * 6})
     plane = _at_truth(shots)[0].plane
-    said = class_chances(plane.seen, plane.mean_m, plane.spread_m)
+    said = plane.seen.class_chances(plane.mean_m, plane.spread_m)
     many = 20_000
     for row in range(6):
         columns = [np.full(many, column[row]) for column in configuration]
@@ -81,16 +80,16 @@ spreads = st.floats(0.02, 0.6)
 
 
 def seen_of(cells: list[tuple[str, str]], heights: list[float] | None = None, target: Target = TARGET
-) -> OutcomeObservations:
+) -> HeightOutcomes:
     numbers = {} if heights is None else {"miss_height_m": np.array(heights)}
     shots = Shots(tuple(map(str, range(len(cells)))), numbers,
                   {"outcome": tuple(c[0] for c in cells), "side": tuple(c[1] for c in cells)})
-    return see_outcomes(shots, target)[1]
+    return see_heights(shots, target)[1]
 
 
-def chance(seen: OutcomeObservations, mean: float, spread: float) -> np.ndarray:
+def chance(seen: HeightOutcomes, mean: float, spread: float) -> np.ndarray:
     n = len(seen.low)
-    return np.exp(outcomes.log_likelihood(seen, np.full(n, mean), np.full(n, spread)))
+    return np.exp(seen.log_likelihood(np.full(n, mean), np.full(n, spread)))
 
 
 @settings(max_examples=50, deadline=None)
@@ -111,11 +110,10 @@ def test_slopes_agree_with_differences(mean: float, spread: float, measured: flo
     seen = seen_of([*CELLS, ("", "")], [np.nan] * len(CELLS) + [measured])
     n, step = len(seen.low), 1e-6
     m, s = np.full(n, mean), np.full(n, spread)
-    value = outcomes.log_likelihood
-    moved = ((value(seen, m + step, s), value(seen, m - step, s)),
-             (value(seen, m, s * np.exp(step)), value(seen, m, s * np.exp(-step))),
-             tuple(value(widened(seen, np.full(n, sign * step)), m, s) for sign in (1.0, -1.0)))
-    for slope, (more, less) in zip(outcomes.slopes(seen, m, s), moved, strict=True):
+    moved = ((seen.log_likelihood(m + step, s), seen.log_likelihood(m - step, s)),
+             (seen.log_likelihood(m, s * np.exp(step)), seen.log_likelihood(m, s * np.exp(-step))),
+             tuple(seen.moved(np.full((n, 1), sign * step)).log_likelihood(m, s) for sign in (1.0, -1.0)))
+    for slope, (more, less) in zip(seen.slopes(m, s), moved, strict=True):
         assert np.allclose(slope, (more - less) / (2 * step), atol=1e-4 / spread**2)
 
 
@@ -123,8 +121,8 @@ def test_slopes_agree_with_differences(mean: float, spread: float, measured: flo
 @given(wider=st.floats(-0.05, 0.1), mean=means, spread=spreads)
 def test_a_more_forgiving_rim_is_a_larger_target(wider: float, mean: float, spread: float) -> None:
     larger = replace(TARGET, three_half_height_m=0.07 + wider, two_half_height_m=0.35 + wider)
-    cells, many = list(CELLS), np.full(len(CELLS), wider)
-    assert chance(widened(seen_of(cells), many), mean, spread) == pytest.approx(
+    cells, many = list(CELLS), np.full((len(CELLS), 1), wider)
+    assert chance(seen_of(cells).moved(many), mean, spread) == pytest.approx(
         chance(seen_of(cells, target=larger), mean, spread), abs=1e-12)
 
 
@@ -133,16 +131,16 @@ def test_a_more_forgiving_rim_is_a_larger_target(wider: float, mean: float, spre
 def test_information_is_the_mean_square_slope_over_what_can_happen(mean: float, spread: float, cells: Cells) -> None:
     seen = seen_of(list(cells))
     m, s = np.full(len(cells), mean), np.full(len(cells), spread)
-    slope = np.stack(outcomes.slopes(seen, m, s), axis=1)
+    slope = np.stack(seen.slopes(m, s), axis=1)
     expected = np.einsum("k,ki,kj->ij", chance(seen, mean, spread), slope, slope)
-    assert np.allclose(outcomes.information(seen, m, s)[0], expected, rtol=1e-6, atol=1e-9)
+    assert np.allclose(seen.information(m, s)[0], expected, rtol=1e-6, atol=1e-9)
 
 
 def test_sideways_misses_are_not_used_and_a_missing_target_is_named() -> None:
     shots = Shots(("a", "b"), {}, {"outcome": ("miss", "three"), "side": ("left", "")})
-    assert see_outcomes(shots, TARGET)[0].tolist() == [1]
+    assert see_heights(shots, TARGET)[0].tolist() == [1]
     with pytest.raises(InputError, match="target"):
-        see_outcomes(shots, None)
+        see_heights(shots, None)
 
 
 EXACT = {"drag": {"cd": TRUTH.cd}, "magnus": {"cl": TRUTH.cl}, "exit_efficiency": {"loss": TRUTH.loss}}

@@ -27,7 +27,7 @@ ORDER = ("hood_offset hood_backlash encoder_scale distance_scale distance_bias v
          "track_roll track_clock track_perspective wheel_slip exit_efficiency wheel_droop ball_compression ball_wear "
          "ball_spread battery_sag rapid_fire release_height spin_decay wind_x wind_y wind_z gravity drag magnus "
          "spin_drag drag_reynolds lift_saturation drag_wear air_density air_change buoyancy added_mass "
-         "target_height rim_catch")
+         "target_height rim_catch backboard_bounce")
 TEXT = inspect.getsource(own)
 
 

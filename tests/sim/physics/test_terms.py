@@ -67,15 +67,17 @@ def test_units_are_dimensionally_right(term):
     exit = hooks.EXITS._replace(speed_m_s=hooks.EXITS.speed_m_s * speed, spin_rev_s=hooks.EXITS.spin_rev_s / time,
                           above_m=hooks.EXITS.above_m * length)
     there = call(term, values, numbers, rig=hooks.rescaled(length, time, mass), exit=exit,
-                 distance_m=hooks.DISTANCES_M * length, hole=type(hooks.HOLE)(*(part * length for part in hooks.HOLE)),
+                 distance_m=hooks.DISTANCES_M * length, hole=hooks.HOLE._make(part * scale for part, scale in zip(
+                     hooks.HOLE, (length, length, length, 1.0), strict=True)),
                  time_s=hooks.FLOWN_S * time)
     here = np.asarray(call(term, typical(term), state(3)))
     rows = {"sensing": (speed, 1.0, 1.0 / time, length, length), "launch": (speed, 1.0, 1.0 / time, length)}
     in_units = {"flight": (length / time**2,) if isinstance(term, FlightTerm) else (speed, 1.0 / time),
-                "arrival": (length,), **rows}[term.stage]
+                "arrival": ((length, length, length, 1.0),), **rows}[term.stage]
     if len(here) == 1:
-        in_units = in_units if term.stage == "flight" else (length,)
-    np.testing.assert_allclose(there, here * np.array(in_units)[:, None], rtol=1e-12, atol=1e-12)
+        in_units = in_units if term.stage in ("flight", "arrival") else (length,)
+    scale = np.array(in_units).reshape(len(here), -1)
+    np.testing.assert_allclose(there, here * scale, rtol=1e-12, atol=1e-12)
 
 
 @every_term
@@ -191,5 +193,7 @@ def test_the_opening():
     rise, = find_terms(["target_height"])
     catch, = find_terms(["rim_catch"])
     hole = Opening(2.44, 0.07, 0.35)
-    np.testing.assert_allclose(rise.arrive({"rise_m": -0.04}, hole), (2.40, 0.07, 0.35))
-    np.testing.assert_allclose(catch.arrive({"reach_m": 0.03}, hole), (2.44, 0.10, 0.38))
+    bounce, = find_terms(["backboard_bounce"])
+    np.testing.assert_allclose(rise.arrive({"rise_m": -0.04}, hole), (2.40, 0.07, 0.35, 0.6))
+    np.testing.assert_allclose(catch.arrive({"reach_m": 0.03}, hole), (2.44, 0.10, 0.38, 0.6))
+    np.testing.assert_allclose(bounce.arrive({"more": 0.1}, hole), (2.44, 0.07, 0.35, 0.7))

@@ -1,0 +1,359 @@
+"""Outcomes of an opening that faces up: where the ball comes down in the plane of the rim, along and across.
+
+The miss along is the observable; it is normal, as the miss across is, and independent of it. A place across has an
+interval along in which the ball goes in, by its size and the angle of its arrival. Chances are integrals over the miss
+across: by Gauss-Legendre between the corners of the opening, where its length is smooth. A ball that went off the
+backboard came back from where it would have come down behind it: near the board only gravity matters, so that the
+interval in which it bounces in is known in closed form. A ball that hardly reaches the rim comes down at places that
+are not linear in its launch; such shots are mixtures over nodes of the launch, which were flown (Nodes).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from msgspec import UnsetType
+from scipy.special import ndtr, ndtri
+
+from truearc.robot.config.rig_spec import Rig, Target
+from truearc.sim.data.dataset import Shots
+from truearc.sim.infer.likelihood.noise import LAPSE
+from truearc.sim.infer.likelihood.outcomes import CLASSES, SIDED_SHARE, Nodes
+from truearc.sim.physics.facing_up import GRIP, clearance, half_along
+from truearc.sim.statistics import POINTS_TWO
+
+Array = np.ndarray
+CELLS = ("short", "long", "left", "right", "hit", "ring")
+SHORT, LONG, LEFT, RIGHT, HIT, RING = range(len(CELLS))
+WORDS = {"miss": (SHORT, LONG, LEFT, RIGHT), "two": (HIT,), "three": (RING,)}
+ACROSS, ACROSS_SPREAD, BOUNCE = 1, 2, 3          # of the further numbers; the first widens all edges
+MOVES = 4
+# Derived: a normal distribution between them is summed to 1e-7
+FINE = 24, 6.0                        # nodes of Gauss-Legendre between two corners; standard deviations to the last
+ROUGH = 12, 4.5                       # likewise, of each of many launches; to 1e-4
+STEP = 1e-5                           # of differences, in m, and of the board's bounce
+BISECTIONS = 40
+# Of a shot whose flight is not yet known: as steep, and as far to the side
+USUAL_PLANE = (0.0, 0.0, 0.0, 0.0, 2.5, 3.5, 0.6, 0.6, 0.0)
+USUAL_ACROSS_M = 0.1
+ALONG_NODES = ndtri((np.arange(33) + 0.5) / 33.0)          # of a forecast, alike likely
+
+
+@dataclass(frozen=True)
+class GroundOutcomes:
+    """Observations of n landings relative to the opening's centre; an implementation of Outcomes.
+
+    allowed [n, 6]: whether what was recorded leaves each of CELLS possible. sided: most misses have a side. plane
+    [n, 9]: the arrivals (Prediction.plane); across_m [n, 2]: mean and spread of the miss across. change [n, 4]: of the
+    further numbers since: all edges farther out, the mean and the log of the spread across, the board's bounce.
+    """
+
+    target: Target
+    gravity_m_s2: float
+    radius_m: Float[Array, " n"]
+    allowed: Bool[Array, "n 6"]
+    classes: Float[Array, " n"]
+    sided: bool
+    plane: Float[Array, "n 9"]
+    across_m: Float[Array, "n 2"]
+    change: Float[Array, "n 4"]
+    nodes: Nodes | None = None
+    moves, axes = MOVES, 2
+
+    @property
+    def height_m(self) -> Float[Array, " n"]:
+        return np.full(len(self.classes), np.nan)
+
+    @property
+    def measured(self) -> Bool[Array, " n"]:
+        return np.zeros(len(self.classes), dtype=bool)
+
+    @property
+    def worth(self) -> Float[Array, " 6"]:
+        """Points of each of CELLS."""
+        hit = POINTS_TWO if isinstance(self.target.points, UnsetType) else self.target.points
+        ring = hit if isinstance(self.target.ring, UnsetType) else self.target.ring.points
+        return np.array([0.0, 0.0, 0.0, 0.0, hit, ring])
+
+    def take(self, index: Int[Array, " k"] | Bool[Array, " n"]) -> "GroundOutcomes":
+        rows = np.arange(len(self.classes))[index]
+        nodes = self.nodes
+        if nodes is not None:
+            places = [(place, at) for place, row in enumerate(rows) for at in np.flatnonzero(nodes.rows == row)]
+            nodes = None if not places else Nodes(np.array([place for place, _ in places]), *(
+                part[[at for _, at in places]] for part in nodes[1:]))
+        return replace(self, radius_m=self.radius_m[rows], allowed=self.allowed[rows], classes=self.classes[rows],
+                       plane=self.plane[rows], across_m=self.across_m[rows], change=self.change[rows], nodes=nodes)
+
+    def without_slips(self) -> "GroundOutcomes":
+        return self
+
+    def at(self, plane: Float[Array, "n 9"], across_m: Float[Array, "n 2"] | None = None,
+           nodes: Nodes | None = None) -> "GroundOutcomes":
+        return replace(self, plane=plane, across_m=self.across_m if across_m is None else across_m, nodes=nodes)
+
+    def moves_by(self, slope: Float[Array, "n 9 k"]) -> Float[Array, "n 4 k"]:
+        return np.stack([slope[:, 3], slope[:, 1], np.zeros_like(slope[:, 0]), slope[:, 7]], axis=1)
+
+    def moved(self, change: Float[Array, "n 4"]) -> "GroundOutcomes":
+        return replace(self, change=self.change + change) if change.any() else self
+
+    def cells(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 6"]:
+        """Return the chance of each of CELLS, without lapses."""
+        return np.asarray(self._cells_by(mean_m, spread_m, False)[0])
+
+    def _cells_by(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"], by: bool) -> Float[Array, "k n 6"]:
+        """The chances of CELLS; where `by`, then their derivatives, as _cells has them."""
+        found = _cells(self, mean_m, spread_m, by)
+        if self.nodes is not None:
+            rows, weight, along_m, across_m, plane, reached = self.nodes
+            many = np.repeat(np.arange(len(rows)), weight.shape[1])
+            one = replace(self, nodes=None).take(rows[many])
+            flat = replace(one, plane=plane.reshape(len(many), -1),
+                           across_m=one.across_m + np.stack([across_m.ravel(), np.zeros(len(many))], axis=1))
+            each = _cells(flat, mean_m[rows][many] + along_m.ravel(), spread_m[rows][many], by, *ROUGH)
+            never = np.zeros((len(each), 1, len(CELLS)))
+            never[0, 0, SHORT] = 1.0
+            each = np.where(reached.ravel()[:, None], each, never)
+            found[:, rows] = (each.reshape(len(each), *weight.shape, -1) * weight[:, :, None]).sum(2)
+        return found
+
+    def share(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
+        return np.asarray((self.cells(mean_m, spread_m) * self.allowed).sum(1))
+
+    def log_likelihood(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
+        return np.asarray(np.log(_with_lapses(self.share(mean_m, spread_m))))
+
+    def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
+                               ) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, "n 6 6"]]:
+        cells, by_mean, by_log, by_across, by_log_across = self._cells_by(mean_m, spread_m, True)
+        each = [by_mean, by_log, self._difference(0, mean_m, spread_m), by_across, by_log_across,
+                np.zeros_like(cells) if isinstance(self.target.backboard, UnsetType)
+                else self._difference(BOUNCE, mean_m, spread_m)]
+        seen = _with_lapses((cells * self.allowed).sum(1))
+        slopes = tuple((1.0 - LAPSE) * (by * self.allowed).sum(1) / seen for by in each)
+        groups = self._told_apart()
+        by = (1.0 - LAPSE) * np.stack(each, axis=1) @ groups.T
+        return slopes, np.asarray((by / _with_lapses(cells @ groups.T)[:, None]) @ np.swapaxes(by, 1, 2))
+
+    def _difference(self, number: int, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 6"]:
+        """Derivative of the chances of CELLS by one of the further numbers, by central differences."""
+        step = np.zeros((len(mean_m), MOVES))
+        step[:, number] = STEP
+        more, less = (self.moved(sign * step).cells(mean_m, spread_m) for sign in (1.0, -1.0))
+        return np.asarray((more - less) / (2.0 * STEP))
+
+    def _told_apart(self) -> Float[Array, "k 6"]:
+        """1 where a cell is part of an outcome that the operator tells apart."""
+        each = np.eye(len(CELLS))
+        misses = list(each[:HIT]) if self.sided else [each[:HIT].sum(0)]
+        return np.stack([*misses, *([each[HIT], each[RING]] if self.target.three_half_height_m > 0.0
+                                    else [each[HIT] + each[RING]])])
+
+    def class_chances(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 3"]:
+        cells = self.cells(mean_m, spread_m)
+        return _with_lapses(np.stack([cells[:, :HIT].sum(1), cells[:, HIT], cells[:, RING]], axis=1))
+
+    def chance(self, shot: int, mean_m: Any, spread_m: Any, change: Sequence[Any]) -> Any:
+        mean, spread, *moved = np.broadcast_arrays(mean_m, spread_m, *change)
+        some = self.take(np.full(mean.size, shot)).moved(np.stack([part.ravel() for part in moved], axis=1))
+        return np.reshape(_with_lapses(some.share(mean.ravel(), spread.ravel())), mean.shape)
+
+    def hit_chance(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
+        cells = self.cells(mean_m, spread_m)
+        return np.asarray(cells[:, RING] if self.target.three_half_height_m > 0.0 else cells[:, HIT])
+
+    def centred(self, mean_m: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Return the middle between the nearest and the farthest place where a ball goes in."""
+        return np.asarray(0.5 * clearance(self.target, self.radius_m, _angle(self.plane)))
+
+    def points_if_aimed(self, mean_m: Float[Array, " n"],
+                        both: Sequence[tuple[Float[Array, " n"], Float[Array, " n"]]]) -> Float[Array, " n"]:
+        offset_m, points, total = self.centred(mean_m) - mean_m, np.zeros(len(mean_m)), np.full(len(mean_m), 1e-12)
+        exact = np.full(len(mean_m), 1e-4)
+        for mean, spread in both:
+            for node in ALONG_NODES:
+                along_m = mean + spread * node
+                seen = (self.cells(along_m, exact) * self.allowed).sum(1)
+                points += seen * (self.cells(along_m + offset_m, exact) @ self.worth)
+                total += seen
+        return np.asarray(points / total)
+
+    def points(self) -> Float[Array, " n"]:
+        return np.asarray(self.worth[np.array([SHORT, HIT, RING])[np.nan_to_num(self.classes).astype(int)]])
+
+
+def see_landings(shots: Shots, rig: Rig, target: Target) -> tuple[Int[Array, " n"], GroundOutcomes]:
+    """Return (rows [n] with an outcome or a side, the observations)."""
+    outcome, side = np.array(shots.text("outcome")), np.array(shots.text("side"))
+    rows = np.flatnonzero((outcome != "") | (side != ""))
+    allowed = np.zeros((len(rows), len(CELLS)), dtype=bool)
+    for place, row in enumerate(rows):
+        cells = WORDS.get(outcome[row], WORDS["miss"])
+        allowed[place, [cell for cell in cells if cell >= HIT or side[row] in ("", CELLS[cell])]] = True
+    misses = outcome[rows] == "miss"
+    sided = bool(misses.any() and (side[rows][misses] != "").mean() >= SIDED_SHARE)
+    radius_m = np.where(np.isfinite(own := shots.number("radius_m")[rows]), own, rig.ball.radius_m)
+    classes = np.array([CLASSES.get(outcome[row], 0.0) for row in rows])
+    usual = np.tile(USUAL_PLANE, (len(rows), 1))
+    usual[:, 2:4] = target.three_half_height_m, target.two_half_height_m
+    return rows, GroundOutcomes(target, rig.world.gravity_m_s2, radius_m, allowed, classes, sided, usual,
+                                np.tile([0.0, USUAL_ACROSS_M], (len(rows), 1)), np.zeros((len(rows), MOVES)))
+
+
+def _with_lapses(chance: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    return np.asarray((1.0 - LAPSE) * np.clip(chance, 0.0, 1.0) + LAPSE / 3.0)
+
+
+def _angle(plane: Float[Array, "n 9"]) -> Float[Array, " n"]:
+    return np.asarray(np.arctan2(plane[:, 5], plane[:, 4]))
+
+
+def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"], by: bool,
+           nodes: int = FINE[0], tails: float = FINE[1]) -> Float[Array, "k n 6"]:
+    """The chances of CELLS for normal misses along and across; where `by`, then their derivatives by the mean and the
+    log spread along, and by those across."""
+    middle = seen.across_m[:, 0] + seen.change[:, ACROSS]
+    spread = seen.across_m[:, 1] * np.exp(np.clip(seen.change[:, ACROSS_SPREAD], -2.0, 2.0))
+    wider = np.maximum(seen.plane[:, 3] - seen.target.two_half_height_m + seen.change[:, 0],
+                       -min(seen.target.half_sizes_m))               # no opening is smaller than nothing
+    y, weight, end = _across(seen, wider, middle, spread, nodes, tails)
+    short, long, hit, ring = _by_place(seen, wider, y, mean_m[:, None], spread_m[:, None], by)
+    cells = np.zeros((5 if by else 1, len(mean_m), len(CELLS)))
+    places = (SHORT, short), (LONG, long), (HIT, hit - ring), (RING, ring)
+    for cell, chance in places:
+        cells[:3, :, cell] = (weight * chance).sum(2)
+    z = np.stack([middle - end, -middle - end]) / spread             # beyond the left and the right end
+    cells[0, :, LEFT], cells[0, :, RIGHT] = ndtr(z)
+    if by:
+        off = (y - middle[:, None]) / spread[:, None]
+        for cell, chance in places:
+            cells[3, :, cell] = (weight * off * chance[0]).sum(1) / spread
+            cells[4, :, cell] = (weight * (off**2 - 1.0) * chance[0]).sum(1)
+        density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+        cells[3, :, LEFT], cells[3, :, RIGHT] = density * np.array([[1.0], [-1.0]]) / spread
+        cells[4, :, LEFT], cells[4, :, RIGHT] = -z * density
+    return cells
+
+
+def _across(seen: GroundOutcomes, wider_m: Float[Array, " n"], middle_m: Float[Array, " n"],
+            spread_m: Float[Array, " n"], nodes: int, tails: float
+            ) -> tuple[Float[Array, "n q"], Float[Array, "n q"], Float[Array, " n"]]:
+    """(places across, their weights, half the opening's width): nodes between its corners, where balls come down."""
+    target = seen.target
+    x, w = np.polynomial.legendre.leggauss(nodes)
+    end = target.half_sizes_m[1] + wider_m * _reach_across(target)
+    low, high = middle_m - tails * spread_m, middle_m + tails * spread_m
+    corners = np.array(_corners(target)) * end[:, None]
+    if target.three_half_height_m > 0.0:
+        ring = np.clip(seen.plane[:, 2] + seen.change[:, 0], 0.0, end)[:, None]
+        corners = np.sort(np.concatenate([corners, ring, -ring], axis=1), axis=1)
+    places, weights = [middle_m[:, None]], [np.zeros_like(middle_m)[:, None]]        # one at least
+    for first, last in pairwise(corners.T):
+        a, b = (np.clip(edge, first, last) for edge in (low, high))
+        if not (a < b).any():                       # no ball comes down there
+            continue
+        if target.shape == "circle":                # by the angle: its length has no slope at its ends
+            a, b = (np.arcsin(np.clip(edge / end, -1.0, 1.0)) for edge in (a, b))
+        at = 0.5 * (a + b)[:, None] + 0.5 * (b - a)[:, None] * x
+        scale = 0.5 * (b - a)[:, None] * w
+        if target.shape == "circle":
+            at, scale = end[:, None] * np.sin(at), scale * end[:, None] * np.cos(at)
+        places.append(at)
+        weights.append(scale)
+    y = np.concatenate(places, axis=1)
+    z = (y - middle_m[:, None]) / spread_m[:, None]
+    weight = np.concatenate(weights, axis=1) * np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * spread_m[:, None])
+    return y, weight, end
+
+
+def _reach_across(target: Target) -> float:
+    """How far the sides move out where all edges move out by 1."""
+    along, across = target.half_sizes_m
+    return across / along if target.shape == "polygon" else 1.0
+
+
+def _corners(target: Target) -> list[float]:
+    """Places across, in half widths, at which the opening's length has corners, and its ends."""
+    if target.shape != "polygon" or isinstance(target.sides, UnsetType):
+        return [-1.0, 1.0]
+    along, across = target.half_sizes_m
+    turns = np.pi * (2.0 * np.arange(target.sides) + 1.0) / target.sides
+    inside = np.sin(turns) * along / np.cos(np.pi / target.sides) / across
+    return [-1.0, *np.unique(inside[np.abs(inside) < 1.0 - 1e-9].round(9)).tolist(), 1.0]
+
+
+def _by_place(seen: GroundOutcomes, wider: Float[Array, " n"], y: Float[Array, "n q"], mean: Float[Array, "n 1"],
+              spread: Float[Array, "n 1"], by: bool) -> tuple[Float[Array, "k n q"], ...]:
+    """Chances of short, long, hit and ring at places across; where `by`, then their derivatives by mean and log spread.
+    """
+    half = np.maximum(half_along(seen.target, y, wider[:, None]), 0.0)
+    ring = np.sqrt(np.maximum((seen.plane[:, [2]] + seen.change[:, [0]])**2 - y**2, 0.0)) * (
+        seen.target.three_half_height_m > 0.0)
+    clear = clearance(seen.target, seen.radius_m, _angle(seen.plane))[:, None]
+    # it rose through the plane twice this before it came down: as gravity alone has it
+    arch = (seen.plane[:, 4] * seen.plane[:, 5] / seen.gravity_m_s2)[:, None]
+
+    def below(edge: Any) -> Any:
+        z = (edge - mean) / spread
+        if not by:
+            return ndtr(z)[None]
+        density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+        return np.stack([ndtr(z), -density / spread, -z * density])
+
+    def within(low: Any, high: Any) -> Any:
+        return below(np.maximum(high, low)) - below(low)
+
+    whole = np.array([1.0, 0.0, 0.0])[:3 if by else 1, None, None]
+    low, rises = clear - half, 2.0 * arch - half - clear            # beyond `rises` it rose in front of the near edge
+    high = np.minimum(half, rises)
+    short = below(low) + whole - below(np.maximum(rises, low))
+    if isinstance(seen.target.backboard, UnsetType):
+        hit, inner = within(low, high), within(np.maximum(low, -ring), np.minimum(high, ring))
+        return short, whole - short - hit, hit, inner
+    board = _Board(seen)
+    wall, top = board.wall_m, np.minimum(board.top_m, rises)
+    high = np.minimum(high, wall)
+    back = clearance(seen.target, seen.radius_m[:, None], board.angle)
+    near, far = board.origin(-half), board.origin(half - back)        # of the opening, as it is seen from the board
+    hit = within(low, high) + within(np.maximum(far, wall), np.minimum(near, top))
+    inner = within(np.maximum(low, -ring), np.minimum(high, ring)) + (ring > 0.0) * within(
+        np.maximum(board.origin(np.minimum(ring, half - back)), wall), np.minimum(board.origin(-ring), top))
+    short = short + within(np.maximum(near, wall), top)             # back over the near edge
+    return short, whole - short - hit, hit, inner
+
+
+class _Board:
+    """The backboard of n shots: where balls would have come down behind it that bounce to a place in front of it."""
+
+    def __init__(self, seen: GroundOutcomes) -> None:
+        board = seen.target.backboard
+        assert not isinstance(board, UnsetType)
+        self.ahead, self.down = (np.maximum(seen.plane[:, [k]], 0.05) for k in (4, 5))       # m/s, along and down
+        self.share = np.clip(seen.plane[:, [7]] + seen.change[:, [BOUNCE]], 0.05, 1.0)
+        self.gravity, self.backspin = seen.gravity_m_s2, seen.plane[:, [8]]
+        self.wall_m = board.behind_m - seen.radius_m[:, None]
+        self.longest_s = self.down / self.gravity                   # before it comes down; then it is at its highest
+        high_m = 0.5 * self.down * self.longest_s
+        rest = np.sqrt(np.maximum(self.down**2 - 2.0 * self.gravity * np.minimum(board.height_m, high_m), 0.0))
+        self.top_m = self.wall_m + self.ahead * (self.down - rest) / self.gravity
+        self.angle = np.arctan2(self.down, -self.share * self.ahead)
+
+    def _lands(self, early_s: Any) -> Any:
+        """Where a ball comes down that meets the board so long before it would have come down behind it."""
+        above_m = self.down * early_s - 0.5 * self.gravity * early_s**2
+        sinks = (self.down - self.gravity * early_s) * (1.0 - GRIP) + GRIP * self.backspin
+        falls_s = (np.sqrt(sinks**2 + 2.0 * self.gravity * np.maximum(above_m, 0.0)) - sinks) / self.gravity
+        return self.wall_m - self.share * self.ahead * falls_s
+
+    def origin(self, along_m: Any) -> Any:
+        """Return where a ball would have come down that comes down at along_m after the bounce: by bisection."""
+        low, high = np.zeros_like(along_m + self.wall_m), np.broadcast_to(self.longest_s, np.shape(along_m)).copy()
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            nearer = self._lands(middle) > along_m
+            low, high = np.where(nearer, middle, low), np.where(nearer, high, middle)
+        return self.wall_m + self.ahead * 0.5 * (low + high)

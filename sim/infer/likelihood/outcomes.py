@@ -1,0 +1,115 @@
+"""What the outcome of a shot says: the protocol of its observable, the one number of an arrival that outcomes divide.
+
+An observable is normal, given the settings: with a mean, a spread, and further numbers on which its borders depend. It
+has two implementations: the height at an upright opening (heights.py), and where a ball comes down on the plane of an
+opening that faces up (ground.py). Code above this package does not ask which it is. LAPSE is the share of outcomes and
+measurements assumed to be wrong, so that no single one can dominate the fit.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+Array = np.ndarray
+Numbers = Float[Array, " n"]
+CLASSES = {"miss": 0.0, "two": 1.0, "three": 2.0}
+# Chosen: most of them
+SIDED_SHARE = 0.5                     # of misses (of twos) must have a side before that counts as noted of them
+
+
+class Nodes(NamedTuple):
+    """Nodes of the launches of k shots that hardly reach the rim.
+
+    rows [k]: the shots. weight [k, q]; along_m, across_m [k, q]: from the means; plane [k, q, 9]: arrivals, as
+    Prediction.plane; reached [k, q].
+    """
+
+    rows: Int[Array, " k"]
+    weight: Float[Array, "k q"]
+    along_m: Float[Array, "k q"]
+    across_m: Float[Array, "k q"]
+    plane: Float[Array, "k q 9"]
+    reached: Bool[Array, "k q"]
+
+
+@runtime_checkable
+class Outcomes(Protocol):
+    """Observations of n arrivals.
+
+    height_m [n]: the observable where it was measured itself (nan elsewhere), which beats the class. classes [n]: 0
+    miss, 1 two, 2 three, nan not given. axes: how many coordinates of Prediction.plane scatter; the first is the
+    observable, the second lies across. moves: how many further numbers the borders depend on; the first is metres by
+    which all borders lie farther out. slips: a measured height may be one.
+    """
+
+    @property
+    def moves(self) -> int: ...
+
+    @property
+    def axes(self) -> int: ...
+
+    @property
+    def height_m(self) -> Numbers: ...
+
+    @property
+    def classes(self) -> Numbers: ...
+
+    @property
+    def measured(self) -> Bool[Array, " n"]: ...
+
+    def take(self, index: Int[Array, " k"] | Bool[Array, " n"]) -> "Outcomes":
+        """Return those of these shots."""
+
+    def without_slips(self) -> "Outcomes":
+        """Return the same, where no measured height is a slip."""
+
+    def at(self, plane: Float[Array, "n k"], across_m: Float[Array, "n 2"] | None = None,
+           nodes: Nodes | None = None) -> "Outcomes":
+        """Return the observations at these arrivals (Prediction.plane): of the opening as it is there.
+
+        across_m: mean and spread of the second axis. nodes: of shots whose observable is not normal.
+        """
+
+    def moves_by(self, slope: Float[Array, "n k columns"]) -> Float[Array, "n moves columns"]:
+        """Return slopes of the further numbers from those of the arrivals."""
+
+    def moved(self, change: Float[Array, "n moves"]) -> "Outcomes":
+        """Return the observations after the further numbers change."""
+
+    def log_likelihood(self, mean_m: Numbers, spread_m: Numbers) -> Numbers:
+        """Return the log-likelihood [n], for an observable normal(mean_m, spread_m)."""
+
+    def slopes_and_information(self, mean_m: Numbers,
+                               spread_m: Numbers) -> tuple[tuple[Numbers, ...], Float[Array, "n J J"]]:
+        """Return derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by the further numbers; and the
+        expected information on these, over all distinguishable outcomes."""
+
+    def class_chances(self, mean_m: Numbers, spread_m: Numbers) -> Float[Array, "n 3"]:
+        """Return the probability [n, 3] of miss, two and three, including slips."""
+
+    def chance(self, shot: int, mean_m: Any, spread_m: Any, change: Sequence[Any]) -> Any:
+        """Return the likelihood of one shot's observation by many means, spreads and changes of the further numbers;
+        arrays that broadcast."""
+
+    def share(self, mean_m: Numbers, spread_m: Numbers) -> Numbers:
+        """Return the probability [n] of what was seen of a shot whose height was not measured, without lapses."""
+
+    def hit_chance(self, mean_m: Numbers, spread_m: Numbers) -> Numbers:
+        """Return the probability [n] of what the gate asks for: the inner opening, or the only one."""
+
+    def centred(self, mean_m: Numbers) -> Numbers:
+        """Return the means [n] of the same shots if they were aimed at the opening's middle."""
+
+    def points_if_aimed(self, mean_m: Numbers, both: Sequence[tuple[Numbers, Numbers]]) -> Numbers:
+        """Return expected points [n] of each shot aimed at the middle by the forecast mean_m, given what was seen of
+        it; both: (mean, spread) of all forecasts that are compared, alike likely."""
+
+    def points(self) -> Numbers:
+        """Return the points [n] that shots scored; of a measured height, those of its class."""
+
+
+def best_class(seen: Outcomes, mean_m: Numbers, spread_m: Numbers) -> Int[Array, " n"]:
+    """Return the index [n] of the likeliest of miss, two, three."""
+    return np.asarray(np.argmax(seen.class_chances(mean_m, spread_m), axis=1))
