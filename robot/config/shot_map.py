@@ -89,7 +89,7 @@ def in_unit(key: str, unit: str) -> str:
     if own := max((one for one in UNITS if key.lower().endswith(f"_{one}")), key=len, default=""):
         return f"{key.removesuffix(key[-len(own):])}{unit}"
     found = SUFFIX.search(key) or CAMEL.search(key)
-    noun = NOUNS.get(next(read for read, others in CONVERTED.items() if unit in (read, *others)), "number")
+    noun = next((NOUNS.get(read, "") for read, others in CONVERTED.items() if unit in (read, *others)), "") or "number"
     return f"{(key[:found.start()].rstrip() if found else '' if last and not last.start() else key) or noun} ({unit})"
 
 
