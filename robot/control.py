@@ -12,14 +12,12 @@ from truearc.hw.protocols import NS
 from truearc.robot.aim import NOWHERE
 from truearc.robot.config.schema import Config, PidGains
 from truearc.robot.estimate import is_fresh
-from truearc.robot.motion import BLIND, SHOWN_S, SWITCH_DEG, Watch, here_deg, within_travel
-from truearc.robot.motors import elevation_per_rad
+from truearc.robot.motion import BLIND, HOMING_PER_S, SHOWN_S, SWITCH_DEG, Watch, here_deg
+from truearc.robot.motors import elevation_per_rad, within_travel
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
 
 RELEASED, AT_REST = Command(), Pid()
-# The hood's speed limit, per degree that is left to a soft limit; to the end of homing less: there no loop of the angle
-# slows the hood down beforehand, and the shipped one follows its limit within 0.1 s, and its readings are late, too
-NEAR_PER_S, HOMING_PER_S = 10.0, 3.0
+NEAR_PER_S = 10.0                     # the hood's speed limit, per degree that is left to a soft limit
 # Torque beyond friction that accelerates the hood: SPARE times the friction, but at least SPARE_SHARE of the torque
 # limit, because the friction may be understated. A screw of 1.5e-5 kg m2, a quarter of the shipped one, then follows
 # the speed limit within 35 ms, longer than its readings lag. After STUCK_S without motion it grows, to all in RISE_S.
@@ -109,7 +107,7 @@ def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
 
 def home(inputs: Inputs, estimate: Estimate, watched: Watch, config: Config) -> float:
     """Return the torque toward the limit switch, within the hood's speed limit; with an encoder, not far beyond the
-    switch."""
+    switch, and slower than to a soft limit: no loop of the angle slows the hood down beforehand."""
     left_deg = math.inf if estimate.hood_deg is None else estimate.hood_deg - config.hood.low_deg + SWITCH_DEG
     return slow_down(config.hood.homing_torque_nm, inputs, estimate, watched, config, left_deg, HOMING_PER_S)
 

@@ -70,9 +70,9 @@ def _home(memory: Memory, inputs: Inputs, config: Config) -> Memory:
     if motor.endstop_t_ns <= first.t_ns:
         return memory
     if encoder.zero_deg is None:
-        if angle is None or not is_fresh(inputs, angle.t_ns, config):
-            return memory
         here_deg = motors.elevation_from_screw_deg(motor.position_rad - first.position_rad, config.hood)
+        if here_deg is None or angle is None or not is_fresh(inputs, angle.t_ns, config):
+            return memory
         memory = replace(memory, zero_deg=math.degrees(angle.angle_rad) - encoder.direction * here_deg)
     return replace(memory, homed=True, screw_zero_rad=first.position_rad, switch=UNSET)
 

@@ -64,9 +64,12 @@ RATE_NS = 5_000_000                   # between encoder readings, for a rate: cl
 SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms, and each tick where that is overdue
 HOMING_TRAVEL, HOMING_TIMES = 1.1, 3.0            # times the whole travel, and the time that it takes at the limit
 SWITCH_OPEN_DEG = 3.0                 # above the switch it is open
+HOMING_PER_S = 3.0                    # the speed limit of homing, per degree that is left until it ends
 SWITCH_DEG = 0.9                      # homing ends so far below the switch: the encoder is off, or the switch dead
 LATCHING = frozenset((codes.ENCODER_STUCK.name, codes.ENCODER_MISMATCH.name, codes.SPEED_JUMPED.name))
 STALLS = frozenset((because.TICKS_STALLED.name, codes.DUPLICATE_ID.name))    # waiting frames look like another device's
+# What a hood's push begins with: a new one may not be as hard as one that has long moved nothing
+NOT_STUCK = {"stuck_t_ns": 0, "hard_ns": 0, "pushed_t_ns": 0}
 # With these no reading can be trusted to be of our device, of this moment, or ours to act on
 EVERYWHERE = STALLS | {because.CAN_LOST.name, codes.FOREIGN_HOST.name}
 # Latched for these, the hood may have moved further than is known: with a hood encoder, and without one
@@ -161,7 +164,7 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     wheels = wheels if wheels.taken_t_ns or wheels.cause is not None else replace(wheels, taken_t_ns=t_ns)
     hood = hood if hood.taken_t_ns or hood.cause is not None else replace(hood, taken_t_ns=t_ns)
     unanswered, wheels, hood = (
-        _add_up(inputs, wanted.wheels_rad_s, memory, last, wheels, hood, config)
+        _add_up(inputs, estimate.hood_deg, wanted.wheels_rad_s, memory, last, wheels, hood, config)
         if memory.unanswered is not UNSET or wheels.stuck_t_ns or (
             last.hood_torque_nm and not (memory.homed and config.hood_encoder.is_heard)) else (UNSET, wheels, hood))
     # UNSET is false
@@ -252,8 +255,8 @@ def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns:
     return replace(joint, cause=None, good_t_ns=0) if t_ns - joint.good_t_ns >= RECOVER_NS else joint
 
 
-def _add_up(inputs: Inputs, wanted_rad_s: float, memory: Memory, last: MotionMemory, wheels: Joint, hood: Joint,
-            config: Config) -> tuple[Unanswered | UnsetType, Joint, Joint]:
+def _add_up(inputs: Inputs, hood_deg: float | None, wanted_rad_s: float, memory: Memory, last: MotionMemory,
+            wheels: Joint, hood: Joint, config: Config) -> tuple[Unanswered | UnsetType, Joint, Joint]:
     """The torque that no motion has answered yet, with that of the last tick; the joints, latched where it is much."""
     tick_s, most_nm, asked_nm = 1.0 / config.tick_hz, config.flywheel.pid.output_high, last.flywheel_torque_nm
     before = Unanswered() if memory.unanswered is UNSET else memory.unanswered
@@ -266,7 +269,8 @@ def _add_up(inputs: Inputs, wanted_rad_s: float, memory: Memory, last: MotionMem
         wheels_s = 0.0
     hood_s, at_rad, is_blind = before.hood_s, before.hood_rad, not config.hood_encoder.is_heard
     if abs(last.hood_torque_nm) > config.hood.friction_nm and (is_blind or not memory.homed):
-        hood_s += tick_s
+        near_deg_s = math.inf if hood_deg is None else HOMING_PER_S * (hood_deg - config.hood.low_deg + SWITCH_DEG)
+        hood_s += tick_s * max(min(near_deg_s / config.hood.max_deg_s, 1.0), 0.0)     # slow near the switch
     angle_rad = None if inputs.hood_angle is None or is_blind else inputs.hood_angle.angle_rad
     at_rad = angle_rad if at_rad is None else at_rad
     if hood.moved_t_ns == inputs.t_ns if angle_rad is None or at_rad is None else abs(angle_rad - at_rad) > SEEN_RAD:
@@ -421,7 +425,9 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, limit_rad_s: float
     if joint.cause is not None:
         return joint, None
     motor, speed = inputs.hood_motor, inputs.hood_motor.velocity_rad_s
-    joint = _with_push(joint, asked_nm, speed, motor.t_ns, inputs.t_ns)
+    before, joint = joint.push, _with_push(joint, asked_nm, speed, motor.t_ns, inputs.t_ns)
+    if before * joint.push < 0:
+        joint = replace(joint, **NOT_STUCK)
     if joint.differ >= DIFFERENT:
         return joint, differing
     if joint.push:
@@ -520,7 +526,7 @@ def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joi
         joint = replace(joint, dropped_deg=None)
     if abs(asked_nm) <= (friction_nm if wanted_deg is not None or not memory.homed else UNKNOWN * friction_nm):
         ended = joint.stuck_t_ns and t_ns - joint.pushed_t_ns > LULL_NS
-        return (replace(joint, stuck_t_ns=0, hard_ns=0, pushed_t_ns=0) if ended else joint), None
+        return (replace(joint, **NOT_STUCK) if ended else joint), None
     hard = abs(asked_nm) > HARD * friction_nm
     moved = abs(at_rad - joint.stuck_at) > MOVED_RAD
     if not joint.stuck_t_ns or moved:
@@ -538,8 +544,7 @@ def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joi
         return joint, because.SWITCH_NOT_REACHED(limit_s=(t_ns - (joint.homing_t_ns or t_ns)) * NS)
     if wanted_deg is None or is_full or (is_blind and joint.jams):
         return joint, because.JOINT_NOT_TURNING(joint=HOOD, torque_nm=asked_nm)
-    return replace(joint, dropped_deg=wanted_deg, stuck_t_ns=0, hard_ns=0, pushed_t_ns=0,
-                   jams=joint.jams + is_blind), None
+    return replace(joint, dropped_deg=wanted_deg, jams=joint.jams + is_blind, **NOT_STUCK), None
 
 
 def _homing(inputs: Inputs, hood_deg: float | None, top_rad_s: float | None, memory: Memory, joint: Joint,
@@ -548,7 +553,7 @@ def _homing(inputs: Inputs, hood_deg: float | None, top_rad_s: float | None, mem
     t_ns, at_rad, hood = inputs.t_ns, inputs.hood_motor.position_rad, config.hood
     beyond = hood_deg is not None and hood_deg <= hood.low_deg - SWITCH_DEG
     if memory.homed:
-        return (replace(joint, homing_t_ns=0) if joint.homing_t_ns else joint), None
+        return (replace(joint, homing_t_ns=0, **NOT_STUCK) if joint.homing_t_ns else joint), None
     if not joint.homing_t_ns:         # from the first torque on, whether or not every tick asks for some
         return (replace(joint, homing_t_ns=t_ns, homing_rad=at_rad) if asked_nm else joint), None
     took_s = (t_ns - joint.homing_t_ns) * NS
@@ -572,13 +577,7 @@ def _switch_doubt(inputs: Inputs) -> Reason | None:
 def here_deg(estimate: Estimate, hood: Hood) -> float:
     """Return the hood's elevation within its travel; if it is unknown, the lower end."""
     known = estimate.hood_deg if estimate.hood_deg is not None else estimate.hood_screw_deg
-    return hood.low_deg if known is None else within_travel(known, hood)
-
-
-def within_travel(elevation_deg: float, hood: Hood) -> float:
-    """Return the elevation, or the end of the hood's travel that is nearest to it."""
-    return (hood.low_deg if elevation_deg < hood.low_deg else
-            hood.high_deg if elevation_deg > hood.high_deg else elevation_deg)
+    return hood.low_deg if known is None else motors.within_travel(known, hood)
 
 
 # --- both

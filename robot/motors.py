@@ -33,6 +33,12 @@ def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
     return math.degrees(math.acos(cosine)) - hood.included_deg
 
 
+def within_travel(elevation_deg: float, hood: Hood) -> float:
+    """Return the elevation, or the end of the hood's travel that is nearest to it."""
+    return (hood.low_deg if elevation_deg < hood.low_deg else
+            hood.high_deg if elevation_deg > hood.high_deg else elevation_deg)
+
+
 def elevation_per_rad(elevation_deg: float, hood: Hood) -> float:
     """Return degrees of elevation per radian of the screw motor, at a launch elevation."""
     included, a, b = math.radians(hood.included_deg + elevation_deg), hood.pivot_to_motor_m, hood.pivot_to_nut_m

@@ -288,7 +288,7 @@ class Lowest(Watcher):
 
 
 @posix
-@pytest.mark.parametrize(("start_deg", "inertia_kg_m2"), [(25.0, 6e-5), (60.0, 9e-5), (60.0, 2e-5)])
+@pytest.mark.parametrize(("start_deg", "inertia_kg_m2"), [(25.0, 6e-5), (60.0, 6e-5), (60.0, 2e-5)])
 def test_homing_stops_below_a_switch_that_never_closes(start_deg: float, inertia_kg_m2: float,
                                                        monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drive, "LOW_DEG", 10.0)           # the stop is far below the switch

@@ -69,7 +69,7 @@ def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, image, go
     empty.write_bytes(b"")
     text.write_text("not an image")
     cv2.imwrite(str(tiny), image[:2, :2])
-    bad = [grey, deep, corrupt, cut, cut_jpeg, empty, text, tmp_path / "missing.png", tmp_path]
+    bad = [grey, deep, corrupt, cut, cut_jpeg, empty, text, tmp_path / "missing.png"]
     code, rows, out = run(capsys, *map(str, bad), str(tiny), good)
     assert code == 2 and len(rows) == len(bad) + 2
     for path, row in zip(bad, rows, strict=False):
