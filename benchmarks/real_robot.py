@@ -11,7 +11,7 @@ from truearc.cli.common import SHIPPED
 
 ROOT = Path(__file__).parents[1]
 # A robot has its machine for itself; one that shares it stalls for longer than a robot would put up with.
-PATIENT = {"reading_age_s = 0.1": "reading_age_s = 0.2", "sighting_age_s = 0.3": "sighting_age_s = 2.0",
+PATIENT = {"reading_age_s = 0.1": "reading_age_s = 0.15", "sighting_age_s = 0.3": "sighting_age_s = 2.0",
            "request_s = 8.0": "request_s = 60.0", "feed_s = 0.25": "feed_s = 0.6", "clear_s = 0.6": "clear_s = 1.2"}
 WATCHDOG_MS = 2000
 START_S, END_S = 120.0, 60.0

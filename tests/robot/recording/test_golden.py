@@ -20,7 +20,7 @@ from truearc.robot.recording.replay import replay, replay_frames
 from truearc.robot.recording.session import FORMAT, decode_trial, encode_row, load_header, load_trials
 
 HERE = Path(__file__).parent
-TICKS = {"golden_2": 1163, "golden_faults_2": 1081}
+TICKS = {"golden_2": 1115, "golden_faults_2": 1081}
 ELSEWHERE = sys.platform != "linux" or platform.machine() != "x86_64"
 same_machine = pytest.mark.skipif(ELSEWHERE, reason="another C library rounds sines otherwise; recorded on Linux, "
                                   "x86-64")
