@@ -469,7 +469,7 @@ def _hood() -> Iterator[Row]:
                   0.45)
     # down from where it is found, and the stop's push, and once more
     yield _hooded("its limit switch never closes", Motion("switch dead", (), "start", "hood", "push", "homing", 2),
-                  1.65, REARM)
+                  1.45, REARM)
     yield _hooded("its screw has come loose of the motor",
                   Motion("hood comes loose", (), "start", "hood", "push", "encoders"), 1.0, REARM, 4.0)
     for name, what, names, code in (("its encoder is frozen", "frozen", encoder, "encoders"),
