@@ -88,7 +88,8 @@ def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
     if not memory.homed:              # towards the switch, but not before what can tell how far was heard
         heard = (inputs.hood_angle is not None if config.hood_encoder.is_heard
                  else is_fresh(inputs, inputs.hood_motor.t_ns, config))
-        return (home(inputs, estimate, watched, config) if heard else 0.0), AT_REST
+        # once the switch has said that it is closed, its next answer is waited for without torque
+        return (home(inputs, estimate, watched, config) if heard and memory.switch is UNSET else 0.0), AT_REST
     if estimate.hood_deg is None or aim.source in NOWHERE:
         return 0.0, AT_REST
     wanted, at_deg, screw_deg = within_travel(aim.hood_deg, hood), estimate.hood_deg, estimate.hood_screw_deg

@@ -65,7 +65,7 @@ SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms, an
 HOMING_TRAVEL, HOMING_TIMES = 1.1, 3.0            # times the whole travel, and the time that it takes at the limit
 SWITCH_OPEN_DEG = 3.0                 # above the switch it is open
 HOMING_PER_S = 6.0                    # homing's speed limit per degree left; measured: at 10 it ends too low, 3 sticks
-SWITCH_DEG = 0.45                     # homing ends so far below the switch: the encoder is off, or the switch dead
+SWITCH_DEG = 0.45                     # nothing homes further below the switch: the encoder is off, or the switch dead
 LATCHING = frozenset((codes.ENCODER_STUCK.name, codes.ENCODER_MISMATCH.name, codes.SPEED_JUMPED.name))
 STALLS = frozenset((because.TICKS_STALLED.name, codes.DUPLICATE_ID.name))    # waiting frames look like another device's
 # What a hood's push begins with: a new one may not be as hard as one that has long moved nothing
@@ -551,15 +551,15 @@ def _homing(inputs: Inputs, hood_deg: float | None, top_rad_s: float | None, mem
             asked_nm: float, config: Config) -> tuple[Joint, Reason | None]:
     """Whether homing takes longer, or goes further, than from one end of the travel to the other."""
     t_ns, at_rad, hood = inputs.t_ns, inputs.hood_motor.position_rad, config.hood
-    beyond = hood_deg is not None and hood_deg <= hood.low_deg - SWITCH_DEG
+    beyond = (hood_deg is not None and hood_deg <= hood.low_deg - SWITCH_DEG and joint.push == 0
+              and t_ns - joint.push_t_ns > SWITCH_NS)                # undriven, the switch has had time to answer
     if memory.homed:
         return (replace(joint, homing_t_ns=0, **NOT_STUCK) if joint.homing_t_ns else joint), None
     if not joint.homing_t_ns:         # from the first torque on, whether or not every tick asks for some
         return (replace(joint, homing_t_ns=t_ns, homing_rad=at_rad) if asked_nm else joint), None
     took_s = (t_ns - joint.homing_t_ns) * NS
     travel_rad, limit_s = motors.screw_travel_rad(hood), HOMING_TIMES * (hood.high_deg - hood.low_deg) / hood.max_deg_s
-    if top_rad_s:
-        limit_s = max(limit_s, HOMING_TIMES * travel_rad / top_rad_s)
+    limit_s = max(limit_s, HOMING_TIMES * travel_rad / top_rad_s) if top_rad_s else limit_s
     if beyond or took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * travel_rad:
         return joint, because.SWITCH_NOT_REACHED(limit_s=took_s)
     return joint, None
