@@ -1,4 +1,4 @@
-"""Everything that truearc asks of the sample motor."""
+"""The MotorFamily of the sample motor, which declares everything that truearc needs to know about it."""
 
 from collections.abc import Iterator, Sequence
 
