@@ -168,8 +168,8 @@ def report(rates: list[int], seconds: float, loads: list[str], layouts: list[str
           "process, slcan on a pseudo-terminal, 20 images/s")
     if hasattr(os, "getloadavg"):
         print(f"load average before the run: {os.getloadavg()[0]:.1f}")
-    print("missed: late by a period or more; (n): n of these were due to the machine: a bare loop, which only sleeps,\nat "
-          "priority 98, was also late for at least half of that time; stalls: delays of a bare loop above 1 ms:\n"
+    print("missed: late by a period or more; (n): n of these were due to the machine: a bare loop, which only sleeps,\n"
+          "at priority 98, was also late for at least half of that time; stalls: delays of a bare loop above 1 ms:\n"
           "number, longest in ms")
     print("  Hz  load            layout   p50 ms    p99 ms    max ms  missed         of  CPU us/tick   p99 / first p99"
           "  stalls")

@@ -332,7 +332,8 @@ def table(lines: Sequence[Line]) -> str:
     n = len(lines)
     sound = [line["sound"] for line in lines]
     rows = [f"{n} unchanged: {sound.count('refused')} refused ({sound.count('refused') / n:.1%}), "
-            f"{sound.count('warned')} with a warning ({sound.count('warned') / n:.1%}); {np.median([line['s'] for line in lines]):.2f} s each"]
+            f"{sound.count('warned')} with a warning ({sound.count('warned') / n:.1%}); "
+            f"{np.median([line['s'] for line in lines]):.2f} s each"]
     spoiled = [line for line in lines if "kind" in line]
     for name in ["all", *KINDS]:
         mine = [line for line in spoiled if name in ("all", line["kind"])]

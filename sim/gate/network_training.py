@@ -1,4 +1,8 @@
-"""Training of the paper's classifier on recorded and simulated shots, and its evaluation on recorded ones."""
+"""Training of the paper's network on recorded and simulated shots (`truearc.train_gate` is the physics-informed gate).
+
+The record of a trained network also has the gate's novelty. sim/paper, which has the network itself, must not import
+sim/gate, so this module stands here.
+"""
 
 from dataclasses import dataclass
 from importlib.metadata import version

@@ -35,10 +35,10 @@ FEED_NS = 4_000_000
 
 
 class OdriveMotor(drivers.AskedMotor):
-    """A Motor driven by torques. Its errors stand until it is commanded again: arming is the operator's re-arm.
+    """A Motor driven by torques.
 
-    When released, or while its readings arrive too late, it is ordered to give no torque and to go idle, whatever state
-    it reports. limits: its own, set before it is driven (odrive.make_limits); none if they are unknown.
+    Errors persist until the motor is commanded again, so the operator clears them by arming. When released, or while
+    its readings arrive too late, it is ordered to give no torque and to go idle, whatever state it reports. limits: its own, set before it is driven (odrive.make_limits); none if they are unknown.
     """
 
     def __init__(self, axis: OdriveAxis, limits: Frame | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Ranks candidate terms: one step for all, true refits of the likely ones, and measurements of their amplitudes.
+"""The ranking of candidate terms: one step for all terms, true refits of the likely ones, and estimates of their sizes.
 
 Every term has a normal prior on its amplitude, scaled to the usual size of such effects. A term that would have to be
 absurdly large to explain the data thus loses to a smaller one, and a term cannot win beyond its permitted range.
