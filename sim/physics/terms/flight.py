@@ -163,7 +163,8 @@ class DragReynolds(term.ForceShareTerm):
                    source="cd falls from 0.5 to 0.1-0.2 as rough balls pass Re 1e5-3e5 (Hong 2020); tennis balls keep "
                    "theirs",
                    reason="a ball of 18 cm at 8 to 15 m/s is just below that fall or at its foot"),
-        term.Parameter("at_m_s", "m/s", 1.0, 30.0, 10.0, "a usual exit speed; it only says where cd is meant",
+        term.Parameter("at_m_s", "m/s", 1.0, 30.0, 10.0,
+                       "a usual exit speed; it only sets the speed at which cd is stated",
                        meaning="speed at which the drag coefficient is stated"))
     direction = "along"
     label = "drag by speed"
