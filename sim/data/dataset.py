@@ -239,8 +239,8 @@ def _repeated(dataset: Dataset) -> Iterator[str]:
                 for row, (session, at) in enumerate(zip(shots.text("session"), t_s.tolist(), strict=True))]
     same = [pair for pair in _again(instants) if pair[0] not in copied]
     if same and len(np.unique(t_s[np.isfinite(t_s)])) > 1:            # else no times
-        yield (f"t_s: shots at the same instant as an earlier one: {_listed(ids, same)}; was one written twice? If they "
-               "are of two sessions, name these in the column session")
+        yield (f"t_s: shots at the same instant as an earlier one: {_listed(ids, same)}; was one written twice? If "
+               "they are of two sessions, name these in the column session")
 
 
 def _again(keys: Sequence[Hashable]) -> list[tuple[int, int]]:
