@@ -1,7 +1,7 @@
-"""Training of the paper's network on recorded and simulated shots (`truearc.train_gate` is the physics-informed gate).
+"""Training of the paper's network on recorded and simulated shots; sim/gate/train.py trains the physics-informed gate.
 
-The record of a trained network also has the gate's novelty. sim/paper, which has the network itself, must not import
-sim/gate, so this module stands here.
+The record of a trained network includes the gate's novelty. This module is in sim/gate because sim/paper, which has the
+network itself, must not import sim/gate.
 """
 
 from dataclasses import dataclass
