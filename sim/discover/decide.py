@@ -29,8 +29,8 @@ of its likeliest name. Otherwise it is reported as unknown, its sentence gives t
 
 **Names.** The names are the smallest set that holds at least SURE of the explained probability; it is a single name
 only if that name alone is so probable. Three kinds of names are added: aliases of members, whatever their probability;
-names that one linear step cannot tell from a member and that are at least TWIN times as probable; and numbers of the
-tracker that explain equally well what has changed since an earlier session. If one name remains, the verdict is
+names that one linear step cannot distinguish from a member and that are at least TWIN times as probable; and numbers of
+the tracker that explain equally well what has changed since an earlier session. If one name remains, the verdict is
 *named*; if several remain, it is *set*, and `form_of` chooses the sentence.
 
 **No effect.** The verdict is *none*, and there is no set. The first row that applies decides how the sentence begins
@@ -50,7 +50,7 @@ that no row refuses is adopted.
 | a fitted number | it stopped at the end of its range |
 | ends of tracks, forecast from the settings without the tracker's errors | no closer than the present belief's |
 | outcomes of tracked shots | forecast worse, by CLEARLY standard errors, than by their overall frequencies |
-| log score with balls other than this session's or, failing that, of the shots as they are | 90 % interval below 0 |
+| log score with balls other than this session's or, failing that, of the session's shots | 90 % interval below 0 |
 | points of aim and gate | mean gain below 0 |
 
 If no effect has a name, the average of the names that come closest is adopted, provided that the 90 % interval of its
