@@ -49,7 +49,7 @@ class Nt4Velocity(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     frame: Literal["robot", "field"] = "robot"
     heading: str = ""                 # field: key of the robot's heading, counter-clockwise
     heading_unit: Literal["rad", "deg"] = "rad"
-    alive: str = ""                   # key that changes in every loop of the robot's program: a velocity may stay constant
+    alive: str = ""                   # key that changes in every loop of the robot's program, so a velocity may rest
 
 
 class Nt4(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
