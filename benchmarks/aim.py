@@ -1,12 +1,13 @@
-"""Does `truearc aim` find the best set points?
+"""Benchmark of `truearc aim`: expected points of its set points, compared with an exhaustive search.
 
     python -m benchmarks.aim [--rigs 1000] [--seed 1000]
 
-Random launchers, balls and targets, three distances each. The truth is an exhaustive search with a simulation of its
-own (drag and gravity, fourth-order Runge-Kutta over time): every hood angle by whole degrees, and 61 speeds about the
-one that meets the centre. Printed: by how much the expected points of aim's set points, judged by that simulation, fall
-short of the best, as quantiles over all, and the worst. A distance that aim refuses counts as all points lost;
-distances at which the search finds under 0.05 points do not count.
+Launchers, balls and targets are drawn at random, with three distances each. The exhaustive search uses an independent
+simulation (drag and gravity, fourth-order Runge-Kutta over time); it tries hood angles in whole degrees, and 61 speeds
+around the one that reaches the centre. The benchmark prints by how much the expected points of aim's set points,
+computed with that simulation, fall short of the best: quantiles over all distances, and the worst cases. A distance
+that aim refuses counts as a loss of all its points; distances where the search finds less than 0.05 points do not
+count.
 """
 
 import sys
@@ -161,12 +162,12 @@ def main() -> int:
         judged += judge(make_case(args.seed + number - 1))
         jax.clear_caches()                                # each rig is compiled for
         show(number / args.rigs, f"{number} rigs")
-    print(f"{args.rigs} rigs, {len(judged)} distances that score by search; "
-          f"{sum(got is None for _, got in judged)} of them refused by aim")
+    print(f"{args.rigs} rigs, {len(judged)} distances where the search scores; "
+          f"aim refused {sum(got is None for _, got in judged)} of them")
     if judged:
         short = np.array(shortfalls(judged))
         told = ", ".join(f"{q:.1%} {np.quantile(short, q):.3%}" for q in QUANTILES)
-        print(f"points short of the best, quantiles: {told}, worst {short.max():.3%}; over 1 %: {(short > 0.01).sum()}")
+        print(f"points below the best, quantiles: {told}, worst {short.max():.3%}; over 1 %: {(short > 0.01).sum()}")
     return 0
 
 

@@ -1,13 +1,14 @@
-"""The demo over many seeds: how often is the name right, and does aiming by what was adopted score more?
+"""Benchmark of the demo over many seeds: how often the name is correct, and how many threes the correction gains.
 
     python -m benchmarks.demo_seeds --seeds 30 --out FILE
     python -m benchmarks.demo_seeds --table FILE
 
-For each seed the acts of `truearc demo` (truearc.cli.demo_acts): practice, an event for each effect of EVENTS,
-and the control, in which nothing has changed. All 300 shots of practice are the season's; the robot with images and CAN
-frames is left out. Before and after are the same balls from the same places; threes of 120. `significant`: two-sided
-test of two proportions over all acts of all seeds, adjusted by Holm's method. A line of FILE a seed, with every act's
-outcome; one that is there is not run again. Development used seeds below 5030.
+Each seed runs the acts of `truearc demo` (truearc.cli.demo_acts): practice, an event for each effect of EVENTS, and the
+control, in which nothing has changed. Seasons supply all 300 shots of practice; the robot with images and CAN frames is
+omitted. Before and after adoption, the same balls are shot from the same places, and threes of 120 balls are counted.
+`significant` is the result of a two-sided test of two proportions over all acts of all seeds, adjusted by Holm's
+method. FILE has one line per seed with the outcome of every act; seeds that it already contains are not run again.
+Development used seeds below 5030.
 """
 
 import math
@@ -97,7 +98,7 @@ def make_table(lines: Sequence[Line]) -> str:
     seeds = sorted({row.seed for row in rows})
     said = [f"{len(seeds)} seeds, {seeds[0]} to {seeds[-1]}; more, fewer: seeds with significantly more or fewer "
             f"threes after adoption (5 %, Holm, {len(rows)} tests)", *table,
-            f"control silent: {sum(silent)} of {len(silent)}"]
+            f"control without an alarm: {sum(silent)} of {len(silent)}"]
     each = [f"{act}: " + ", ".join(f"{row.threes[0]}->{row.threes[1]}" for row in kept)
             for act, kept in groups.items() if act != TOGETHER]
     return "\n".join([*said, "threes before -> after, per seed:", *each])

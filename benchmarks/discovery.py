@@ -1,10 +1,10 @@
-"""How often discovery cries wolf, and how often it finds, places and names what a concealed world hides.
+"""Benchmark of discovery on concealed worlds: false alarms, and how often hidden effects are found, located and named.
 
     python -m benchmarks.discovery --what nulls,effects --level L0,L1,L2 --shots 300 --worlds 20 --seed 11 --out FILE
     python -m benchmarks.discovery --table FILE
 
-A world is a line of FILE; --table reads packed files too. Worlds come from truearc_proof.truth, which shares no code
-with what is tested. L2's effects are a quarter of their typical size unless --scale says otherwise.
+FILE has one line per world; --table also reads packed files. The worlds come from truearc_proof.truth, which shares no
+code with the code under test. At L2, effects have a quarter of their typical size unless --scale is given.
 """
 
 import time
@@ -66,7 +66,7 @@ def make_table(lines: Sequence[Line]) -> str:
         found = [one for one in mine if one.found]
         rows.append([name, f"{len(found)} of {len(mine)}", str(sum(one.verdict == "unknown" for one in found)),
                      str(sum(one.goes_with is True for one in found))])
-    tables += [make_markdown(("hidden", "found", "called unknown", "right covariate and direction"),
+    tables += [make_markdown(("hidden", "found", "reported as unknown", "right covariate and direction"),
                              rows)] if rows else []
     tables += [f"The solver broke in {line['key']}" for line in lines if line["finding"] is None]
     return "\n\n".join(tables)

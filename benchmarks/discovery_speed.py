@@ -1,9 +1,10 @@
-"""What discovery costs, against the number of shots and the size of the catalogue.
+"""Run time of discovery as a function of the number of shots and the size of the catalogue.
 
     python -m benchmarks.discovery_speed [--shots 100,300,1000] [--level L1] [--seed 5]
 
-Each figure is the second run of its size, when all code is compiled. Detection: data in memory to a p-value. Report:
-data in memory to the HTML page, of a world with an effect that is found and named (wheel droop).
+Each figure is the time of the second run at that size, after all code has been compiled. Detection is measured from
+data in memory to a p-value; the report, from data in memory to the HTML page, for a world with an effect that is found
+and named (wheel droop).
 """
 
 from benchmarks.grid_fit import fastest

@@ -1,12 +1,12 @@
-"""Fault matrix: every fault on every bus, played and judged.
+"""The fault matrix: every fault is injected on every bus, and the robot's reaction is judged.
 
     python -m benchmarks.fault_matrix [--bus virtual,slcan,socketcan] [--only PATTERN] [--out FILE] [--folder DIR]
     python -m benchmarks.fault_matrix --table FILE
 
-Each row of benchmarks/matrix/rows.py is played on each bus that there is (socketcan: where vcan0 is), on the robot's
-own code with emulated devices: it fires, then something breaks, then it is repaired. Rows that begin with "motion"
-fire nothing: they move the launcher of sim/world, and are judged by its torques, speeds and angles. A line of FILE a
-cell; one that is there already, and right, is not played again.
+Each row of benchmarks/matrix/rows.py is run on each available bus (socketcan: if vcan0 exists), by the robot's own code
+with emulated devices: the robot fires, the fault begins, and then it is repaired. In rows whose names begin with
+"motion" the robot fires nothing; they move the launcher of sim/world, and are judged by its torques, speeds and angles.
+FILE has one line per row and bus; those that it already contains, and that were as stated, are not run again.
 """
 
 import re
@@ -75,8 +75,8 @@ def make_table(results: Sequence[Result]) -> str:
         rows.append((kind, str(len({one.fault for one in mine})), f"{max(held):.2f}" if held else "-"))
     wrong = [f"WRONG on {one.bus}: {one.fault}: {'; '.join(one.wrong)}" for one in results if one.wrong]
     fires, stale = (sum(getattr(one, name) for one in results) for name in ("fires", "stale"))
-    told = (f"{len({one.fault for one in results})} faults, {len(results)} runs, {len(wrong)} of them not as stated; "
-            f"{fires} ticks fired, {stale} of these on a reading that was too old.")
+    told = (f"{len({one.fault for one in results})} faults, {len(results)} runs; {len(wrong)} runs deviated from the "
+            f"stated reaction. {fires} ticks fired, {stale} of them on a stale reading.")
     return "\n".join([*wrong, told, "", make_markdown(("kind", "faults", "slowest HOLD, s"), rows)])
 
 

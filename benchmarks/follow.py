@@ -1,15 +1,19 @@
-"""Does the always-valid test keep its rate when it is looked at after every shot, and how soon does it see a change?
+"""Benchmark of the always-valid test, evaluated after every shot: its false-alarm rate, and its delay after a change.
 
     python -m benchmarks.follow --practices 20 --sessions 50 --seasons 6 --seed 700 --out FILE
     python -m benchmarks.follow --table FILE
 
-A practice of 300 shots gives a belief (its fit of the believed terms; nothing is named). Sessions of 80 marked shots
-are then tested after each shot. Kinds of sessions: belief: the launcher's numbers are drawn from the belief's posterior
-(in the sense of which the rate is exact), heights from its forecast; robot: the very launcher of the practice, by the
-concealed worlds' own engine (truearc_proof.truth); season: MuJoCo's launcher, with what discovery adopted of its
-practice, from gravity, drag and lift on. Changed sessions show how many shots an alarm takes. The naive test beside it,
-in the same run: an alarm where the same number is among the largest 5 % of unchanged sessions after as many shots,
-which is a test of 5 % at each look. FILE has a line per practice and kind.
+A practice of 300 shots gives a belief (the fit of the believed terms, without named effects). Sessions of 80 marked
+shots are then tested after each shot. There are three kinds:
+
+belief: the launcher's parameters are drawn from the posterior, for which the rate is exact, and the heights from its
+forecast.
+robot: the launcher of the practice itself, simulated by the engine of the concealed worlds (truearc_proof.truth).
+season: the MuJoCo launcher; its belief is what discovery adopted after practice, starting from gravity, drag and lift.
+
+Changed sessions show how many shots an alarm takes. For comparison, a naive test runs alongside. It raises an alarm if
+the same statistic is among the largest 5 % of unchanged sessions after the same number of shots, so it is a 5 % test at
+each look. FILE has one line per practice and kind.
 """
 
 import sys
@@ -133,11 +137,11 @@ def make_table(lines: Sequence[Line]) -> str:
             ends = (shots[(len(shots) - 1) // 2], shots[int(0.9 * (len(shots) - 1))])
             powers.append([name, change, str(len(shots)), f"{sum(one is not None for one in first)}",
                            *(f"{one}" if one <= SHOTS else f"over {SHOTS}" for one in ends)])
-    rate = Table(f"Unchanged sessions of {SHOTS} shots, looked at after each", (
+    rate = Table(f"Unchanged sessions of {SHOTS} shots, tested after each", (
         "sessions", "practices, sessions", "alarms", "share (95 %)", "alarms of a 5 % test at each look",
         "share (95 %)"), rates).markdown()
     power = Table("Changed sessions", ("sessions", "changed", "sessions", "alarms", "shots to the alarm, median",
-                                       "nine in ten"), powers).markdown()
+                                       "90th percentile"), powers).markdown()
     return "\n\n".join([rate, power])
 
 

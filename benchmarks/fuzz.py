@@ -1,13 +1,17 @@
-"""Damaged files into every reader: is each one refused with a sentence, or read without losing rows in silence?
+"""Fuzz test of every file reader: a damaged file must be refused with a message, or read without silent loss of rows.
 
     python -m benchmarks.fuzz --minutes N --seed S [--only WORD] [--case NAME:NUMBER] [--out FILE]
 
-Each case damages one file (fuzz_mutators.py) and reads it (READERS) in a process of its own, forked from one that has
-imported the readers and neither JAX nor MuJoCo. A case is bad when that process ends by an exception other
-than the readers' own (`traceback`), by a signal (`crash`), not within LONGEST_S of a core (`hang`), with more than
-MOST_BYTES resident (`memory`); when a refusal does not name the file (`nameless`); and when the file is accepted with
-fewer rows than the original and no line of warning that the original does not have (`lost`). FILE has one JSON line for
-each bad case; `--case` runs one again and prints what it gives. Exit 1 when there is a bad one.
+Each case damages one file (fuzz_mutators.py) and reads it (READERS) in a separate process, which is forked from one
+that has imported the readers but neither JAX nor MuJoCo. A case fails if that process
+
+- raises an exception other than the readers' own (`traceback`), or is ended by a signal (`crash`);
+- uses more than LONGEST_S of processor time (`hang`) or more than MOST_BYTES of resident memory (`memory`);
+- refuses the file without naming it (`nameless`);
+- accepts the file with fewer rows than the original, without an additional warning (`lost`).
+
+FILE has one JSON line per failed case; `--case` repeats one case and prints its output. The exit code is 1 if any case
+fails.
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""How `fuzz` damages a file: bytes of any file, records of WPILOG and MCAP, lines and words of texts."""
+"""The mutators of `fuzz`, which damage bytes of any file, records of WPILOG and MCAP, and lines and words of texts."""
 
 import re
 import struct

@@ -1,13 +1,13 @@
-"""Duration of one decision of the gate.
+"""Benchmark of the time that the gate takes for one decision.
 
     python -m benchmarks.gate [--calls 5000] [--rounds 12] [--shots 120]
 
-Makes simulated shots of its own, trains both kinds of model on them, exports both, and times `Gate.rate`: from three
-floats to a rating, building the features and checking the domain included; one thread, no spinning. They take turns in
-rounds. A shared machine interrupts about one call in a hundred, and at times halves the speed of all: the median round
-and the quickest are reported, the latter being closest to an undisturbed machine.
+It simulates shots, trains both kinds of model on them, exports both, and times `Gate.rate` from three floats to a
+rating, including the features and the check of the domain, in one thread without spinning. The models take turns in
+rounds. On a shared machine about one call in a hundred is interrupted, and all calls are sometimes slowed to half their
+speed. Therefore the median round and the fastest round are reported; the latter is closest to an undisturbed machine.
 
-Exits 1 when the p99 of a gate in its quickest round is over 50 microseconds.
+The exit code is 1 if the 99th percentile of a gate in its fastest round exceeds 50 microseconds.
 """
 
 import sys
@@ -90,7 +90,7 @@ def main() -> int:
     for name, rounds in took.items():
         best = min(rounds, key=lambda one: one[1])
         middle, quickest = (" /".join(f"{value:7.1f}" for value in one) for one in (np.median(rounds, axis=0), best))
-        print(f"{name:34s} median round {middle}   quickest {quickest}")
+        print(f"{name:34s} median round {middle}   fastest {quickest}")
         slow |= best[1] > LIMIT_US
     return int(slow)
 

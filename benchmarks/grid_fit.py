@@ -1,10 +1,11 @@
-"""How fast the grid fit is, against a plain loop over 1001 x 1001 pairs, and whether it says the same as flying each.
+"""Benchmark of the grid fit: its speed relative to a plain loop over 1001 x 1001 pairs, and its agreement with flights.
 
     python -m benchmarks.grid_fit [--quick] [--runs 7] [--launches 80]
 
-Two sets of 80 launches, a third of them three-pointers: `random` (distance 1-16 m, ratio 0-1, 15-75 degrees; most can
-score with hardly any pair) and `scoring` (those that score with cd 0.9, cl 0.06, as recorded shots do). The plain loop
-flies a subset, stated, and is scaled up to all flights; its law of motion is that of the kernel.
+There are two sets of 80 launches, a third of them threes: `random` (distance 1-16 m, ratio 0-1, 15-75 degrees; most
+score with almost no pair) and `scoring` (those that score with cd 0.9 and cl 0.06, as recorded shots do). The plain
+loop simulates a subset, whose size is printed, and its time is extrapolated to all flights. It uses the same equation
+of motion as the kernel.
 """
 
 import os
@@ -47,15 +48,15 @@ def main() -> None:
         flights = count_flights(shots)
         print(f"1001 x 1001 x {count}, {name:8s} {wall_s:8.3f} s  wall, {cpu_s:.3f} s of CPU, fastest of {args.runs}; "
               f"load {os.getloadavg()[0]:.1f}; {flights} flights, {flights / axis.size**2 / count:.2%}")
-    print(f"\nthe same by a plain loop, scaled to all {axis.size**2 * count} flights of `random`: wall s, CPU s, and "
-          "times ours\n(on a busy machine the ratio of CPU is the fair one)")
+    print(f"\na plain loop, extrapolated to all {axis.size**2 * count} flights of `random`: wall s, CPU s, and "
+          "their ratios to ours\n(on a busy machine, compare CPU times)")
     some = axis[::40]
     run = partial(fly_plainly, make_scoring(FACTS, sets["random"]).flyer.launch, some, facts_of(FACTS), 0.75)
     wall_s, cpu_s = (spent_s * axis.size**2 / some.size**2 for spent_s in fastest(run, min(3, args.runs)))
-    print(f"  plain numba loop, up to 3 s whatever happens; RK4 5 ms, parallel; every 40th row and column "
+    print(f"  plain numba loop, always up to 3 s; RK4 5 ms, parallel; every 40th row and column "
           f"{wall_s:7.1f} s {wall_s / ours_s['random'][0]:6.0f} x {cpu_s:9.1f} s CPU "
           f"{cpu_s / ours_s['random'][1]:6.0f} x")
-    print("\nagainst flying every point (short steps)")
+    print("\ncompared with a simulation of every point (short steps)")
     for name, shots in sets.items():
         check_labels(name, shots, 8 if args.quick else 1)
 

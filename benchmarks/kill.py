@@ -1,11 +1,12 @@
-"""Data that a recording loses to `kill -9` at random moments.
+"""Benchmark of recordings under `kill -9`: the data that are lost when a process is killed at a random moment.
 
     python -m benchmarks.kill [--kills 200] [--seed 0]
 
 A child process records real ticks, CAN frames and images in a loop, marks a trial every quarter of a second, and
-reports on a pipe what it has handed to the recorder. It is killed, and its report is compared with the files.
-It is the robot's pace, 200 ticks a second, and the recorder is a process of its own, which lives on. Tests also kill a
-child that is as fast as it can (`twin`: the recorder makes it wait), and one whose recorder is threads of it (`one`).
+reports through a pipe what it has handed to the recorder. It is killed, and its report is compared with the files.
+The child runs at the robot's pace, 200 ticks per second; the recorder is a separate process and survives the kill.
+Tests also kill a child that runs at full speed (`twin`: the recorder makes it wait) and a child that runs the recorder
+in its own threads (`one`).
 """
 
 import argparse
@@ -156,13 +157,13 @@ def main() -> None:
         kills = [kill_once(source, Path(folder) / f"{number}", args.seed + number, "robot", "three")
                  for number in range(args.kills)]
     lost = sorted(kill.lost_s for kill in kills)
-    print(f"{len(kills)} kills at the robot's pace, recorder in a process of its own, after "
+    print(f"{len(kills)} kills at the robot's pace, recorder in a separate process, after "
           f"{sum(kill.said_s for kill in kills):.0f} s of ticks")
-    print(f"ticks lost           median {lost[len(lost) // 2]:.3f} s, worst {lost[-1]:.3f} s (promised: 0.25 s)")
-    print(f"marked trials        {sum(kill.marked for kill in kills)}, lost {sum(kill.marks_lost for kill in kills)}, "
-          f"of which recover put back {sum(kill.marks_recovered for kill in kills)}")
+    print(f"ticks lost           median {lost[len(lost) // 2]:.3f} s, worst {lost[-1]:.3f} s (limit: 0.25 s)")
+    print(f"marked trials        {sum(kill.marked for kill in kills)}: {sum(kill.marks_lost for kill in kills)} lost; "
+          f"`recover` restored {sum(kill.marks_recovered for kill in kills)}")
     faults = [f"kill {number}: {fault}" for number, kill in enumerate(kills) for fault in kill.faults]
-    print("\n  ".join([f"unreadable or torn   {len(faults)}", *faults]))
+    print("\n  ".join([f"damaged after kill   {len(faults)}", *faults]))
 
 
 if __name__ == "__main__":

@@ -1,12 +1,13 @@
-"""How fast the emulated robot and its replay run, against real time; what one tick costs, and how late ticks come.
+"""Benchmark of the control loop: the speed of the emulated robot, replay and one tick, and the lateness of real ticks.
 
     python -m benchmarks.loop [--trials 50]
     python -m benchmarks.loop --lateness [--seconds 20] [--rates 100,200,500] [--loads idle,busy] [--layouts one,three]
 
-`--lateness`: of `truearc run`, with camera, vision and recording, idle and with all cores busy, in one process and in
-three; another process plays its devices over slcan on a pseudo-terminal. Beside it, on each core, a loop at the highest
-real-time priority that only sleeps, until SIGTERM: when that is late, no program on this machine is spared. It leaves
-pairs of 64-bit integers: when it should have woken, and when it did, in monotonic nanoseconds.
+`--lateness` measures `truearc run` with camera, vision and recording, idle and with all cores busy, in one process and
+in three; another process emulates its devices over slcan on a pseudo-terminal. Meanwhile, a bare loop on each core,
+which only sleeps at the highest real-time priority, shows when the machine itself was late, so that no program could
+have been on time. At SIGTERM it writes pairs of 64-bit integers, the due time and the actual time of each late wake-up,
+in monotonic nanoseconds.
 """
 
 import gc
@@ -166,10 +167,11 @@ def report(rates: list[int], seconds: float, loads: list[str], layouts: list[str
     print(f"ticks of truearc run on {os.cpu_count()} cores, {seconds:g} s each after {WARM_S:g} s; devices in another "
           "process, slcan on a pseudo-terminal, 20 images/s")
     if hasattr(os, "getloadavg"):
-        print(f"before this began, {os.getloadavg()[0]:.1f} processes of others wanted a core")
-    print("missed: late by a period or more; (n): n of these for the machine's sake: a loop that only sleeps, at\n"
-          "priority 98, was late, too, for half of that time or more; stalls: how often it was, by over 1 ms; the most")
-    print("  Hz  load            layout   p50 ms    p99 ms    max ms  missed         of  CPU us/tick  p99 to the first"
+        print(f"load average before the run: {os.getloadavg()[0]:.1f}")
+    print("missed: late by a period or more; (n): n of these were due to the machine: a bare loop, which only sleeps,\n"
+          "at priority 98, was also late for at least half of that time; stalls: delays of a bare loop above 1 ms:\n"
+          "number, longest in ms")
+    print("  Hz  load            layout   p50 ms    p99 ms    max ms  missed         of  CPU us/tick   p99 / first p99"
           "  stalls")
     for tick_hz in rates:
         for load in loads:

@@ -1,7 +1,7 @@
-"""Options of a benchmark as a table: by name, each a default, or a default and what it is.
+"""Command-line options of a benchmark, declared by name with a default, or with a default and a help text.
 
-A default that is a type stands for none, False for a flag, ... for a path that must be given, [...] for one or more.
-Nothing of the proof is imported here.
+Special defaults: a type for an option without a default, False for a flag, ... for a required path, and [...] for one
+or more required paths. This module imports nothing from the proof.
 """
 
 import argparse

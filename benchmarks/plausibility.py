@@ -1,11 +1,11 @@
-"""Of sound tables and tracks, how many does the plausibility check refuse, and which slips does it name?
+"""Benchmark of the plausibility check: how much correct data it refuses, and how often it names a slip.
 
     python -m benchmarks.plausibility --seed 1 --rigs 100 --out FILE
     python -m benchmarks.plausibility --table FILE
 
-Each seed is a rig of its own, with a ball, wheels, air, slip and lift drawn from the priors of truearc's terms. Its
-flights are computed here, by NumPy alone. The same shots are checked as they are and with one slip. A line of the file
-is one seed.
+Each seed is a separate rig, with a ball, wheels, air, slip and lift drawn from the priors of truearc's terms. This
+module computes its flights with NumPy alone. The same shots are checked unchanged and with one slip. FILE has one line
+per seed.
 """
 
 import re
@@ -258,7 +258,7 @@ KINDS: dict[str, tuple[Spoil, str]] = {
     "distance in inches": (column("distance_m", lambda old: old / IN), "inches|distance_in"),
     "distance in centimetres": (column("distance_m", lambda old: old / CM), "centimetres|distance_cm"),
     "distance in millimetres": (column("distance_m", lambda old: old / MM), "millimetres|distance_mm"),
-    "metres under feet": (under_feet, "distance.*metres"),
+    "metres labelled as feet": (under_feet, "distance.*metres"),
     "hood in radians": (column("hood_deg", np.radians), "radians"),
     "hood from the vertical": (column("hood_deg", lambda old: 90.0 - old), "vertical"),
     "wheels in rpm": (column("wheel_", lambda old: old / RPM), "revolutions per minute|rpm"),
@@ -291,7 +291,7 @@ KINDS: dict[str, tuple[Spoil, str]] = {
     "tracks in millimetres": (lengths(1.0 / MM), "millimetres"),
     "some tracks in feet": (lengths(1.0 / FT, 0.05), "feet"),
     "times in ms": (points({"t_s": lambda one: one.t_s * 1000.0}), "milliseconds"),
-    "times as pictures of 60 per second": (points({"t_s": lambda one: one.t_s * 60.0}), "pictures"),
+    "times as frame numbers at 60 fps": (points({"t_s": lambda one: one.t_s * 60.0}), "pictures"),
     "times halved": (points({"t_s": lambda one: one.t_s / 2.0}), "half"),
     "x and z exchanged": (exchange("x_m", "z_m"), "exchange"),
     "y and z exchanged": (exchange("y_m", "z_m"), "exchange"),
@@ -299,7 +299,7 @@ KINDS: dict[str, tuple[Spoil, str]] = {
     "z downward": (points({"z_m": lambda one: -one.z_m}), "down"),
     "x backward": (points({"x_m": lambda one: -one.x_m}), "backward"),
     "a bounce off the floor": (stopped(0.6, True), "touch|hit|turn upward"),
-    "a hit of a wall": (stopped(0.3, False), "touch|hit"),
+    "a wall hit": (stopped(0.3, False), "touch|hit"),
 }
 
 
@@ -331,15 +331,16 @@ def table(lines: Sequence[Line]) -> str:
     """Shares, by kind."""
     n = len(lines)
     sound = [line["sound"] for line in lines]
-    rows = [f"{n} sound: {sound.count('refused')} refused ({sound.count('refused') / n:.1%}), {sound.count('warned')} "
-            f"warned of ({sound.count('warned') / n:.1%}); {np.median([line['s'] for line in lines]):.2f} s each"]
+    rows = [f"{n} unchanged: {sound.count('refused')} refused ({sound.count('refused') / n:.1%}), "
+            f"{sound.count('warned')} with a warning ({sound.count('warned') / n:.1%}); "
+            f"{np.median([line['s'] for line in lines]):.2f} s each"]
     spoiled = [line for line in lines if "kind" in line]
     for name in ["all", *KINDS]:
         mine = [line for line in spoiled if name in ("all", line["kind"])]
         if mine:
             words = [line["spoiled"] for line in mine]
-            rows.append(f"  {name:36s} {len(mine):5d}: refused {words.count('refused') / len(mine):4.0%}, passed "
-                        f"without a word {words.count('passed') / len(mine):4.0%}, right cause first "
+            rows.append(f"  {name:36s} {len(mine):5d}: refused {words.count('refused') / len(mine):4.0%}, accepted "
+                        f"without a warning {words.count('passed') / len(mine):4.0%}, correct cause first "
                         f"{sum(line['right'] for line in mine) / len(mine):4.0%}")
     return "\n".join(rows)
 

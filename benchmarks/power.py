@@ -1,11 +1,12 @@
-"""Of effects that shots are said to show four times in five, how many does discovery report?
+"""Benchmark of the sizes that `truearc identifiability` states: the share of such effects that discovery reports.
 
     python -m benchmarks.power --level L1 --worlds 8 --seed 730 --out FILE
     python -m benchmarks.power --table FILE
 
-A world that hides nothing says how large each effect must be (`smallest` of `truearc identifiability` on its shots).
-Then the same world hides one effect of that very size, and discovery's test is made at 5 %. Between 70 and 90 % should
-be reported. Effects that must be over twice as large as usual are left out: the statement is linear in their size.
+For a world without a hidden effect, `truearc identifiability` states how large each effect must be to be reported four
+times in five (`smallest`). One effect of exactly that size is then hidden in the same world, and discovery's test is
+made at 5 %; between 70 and 90 % of the effects should be reported. Effects that must exceed twice their usual size are
+omitted, because the statement assumes that scores are linear in the size.
 """
 
 import sys

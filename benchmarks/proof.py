@@ -1,10 +1,10 @@
-"""The tables of packed rounds of proof, as docs/measured/proof.md has them.
+"""The tables of packed rounds of proof, as they appear in docs/measured/proof.md.
 
     truearc prove pack --out ROUND --packed round.tar.xz
     python -m benchmarks.proof round.tar.xz [--reliability FILE.png]
 
-Rounds of one level and as many shots, gathered over several sittings, are marked as one.
-Nothing is checked here but the ledger's chain: `truearc prove check --packed FILE --out DIR` makes worlds again.
+Rounds with the same level and number of shots are evaluated as one round. Only the ledger's hash chain is verified
+here; `truearc prove check --packed FILE --out DIR` recreates worlds.
 """
 
 import tempfile
@@ -114,7 +114,7 @@ def _tell_level(rounds: Sequence[Packed]) -> str:
     level, shots = rounds[0].setting
     marks = [one.first for packed in rounds for one in packed.graded]
     facts = "\n".join(f"- {packed.facts}" for packed in rounds)
-    table = make_markdown(("figure", "here", "wanted", ""), posterior_rows(marks))
+    table = make_markdown(("figure", "result", "target", ""), posterior_rows(marks))
     return f"## {level}, {shots} shots, {len(marks)} worlds\n{table}\n\n{facts}\n"
 
 

@@ -1,4 +1,4 @@
-"""`truearc run` and the emulated devices, in real time, in processes of their own, for benchmarks and tests."""
+"""A harness for benchmarks and tests: `truearc run` and the emulated devices in real time, as separate processes."""
 
 import re
 import signal

@@ -1,12 +1,12 @@
-"""What `truearc discover` says of the recordings that others published, one row a set.
+"""The findings of `truearc discover` on recordings published by others, one row per data set.
 
     python -m benchmarks.real_sets DIR [--only mpi,drops]
 
-DIR has the tables that proof/IMPORTERS.md describes. Each set is imported and asked by the commands that
-docs/measured/real-data.md prints; a row has the number of shots, the first sentence of the answer, and how much better
-shots are forecast that were held out. Of sets with tracks a second table says how far the heights of their ends are
-from forecasts by the first 40 % of each, as `truearc predict --tracks` makes them, by a plain fit of drag and lift in
-SciPy, and by gravity: of either half of the flights by fits to the other.
+DIR contains the tables that proof/IMPORTERS.md describes. Each set is imported and investigated with the commands that
+docs/measured/real-data.md prints; its row has the number of shots, the first sentence of the answer, and the
+improvement of the forecasts of hold-out shots. For sets with tracks, a second table gives the errors of forecasts of
+the height at the end of each track from its first 40 %, made by `truearc predict --tracks`, by a plain fit of drag and
+lift in SciPy, and by gravity alone. Each half of the flights is forecast with fits to the other half.
 """
 
 import contextlib
@@ -95,7 +95,7 @@ def main() -> int:
     if unknown := set(asked) - set(SETS):
         raise SystemExit(f"--only: there is no {', '.join(sorted(unknown))}; there are {', '.join(SETS)}")
     with tempfile.TemporaryDirectory() as folder:
-        print(make_markdown(("set", "shots", "answer", "forecast of shots held out"),
+        print(make_markdown(("set", "shots", "answer", "forecast of hold-out shots"),
                             [ask(name, args.dir, Path(folder)) for name in asked]))
         if ahead := [forecast(name, Path(folder)) for name in asked if name in LAWS]:
             print(make_markdown(("ends of tracks", "truearc", "plain fit", "gravity", "in the 90 % band"), ahead))

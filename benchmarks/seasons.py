@@ -1,12 +1,13 @@
-"""Foreign seasons: where what is believed is slightly wrong, is a change found, named and sized, and nothing else?
+"""Benchmark of discovery on foreign seasons, where the believed physics is slightly wrong and one thing changes.
 
     python -m benchmarks.seasons --seed 21000 --seasons 60 --level L1 --out FILE
     python -m benchmarks.seasons --table FILE
 
-A robot with several small errors of the believed physics (SMALL_ERRORS of truearc_proof.truth.world), the same all
-season, practises 300 shots. What discovery adopts of them is the belief at events of 80 shots, with `since`. Before an
-event one thing has changed, to either side, or nothing. Data are telemetry and outcomes with the sides of misses (L1),
-or tracks too (L2). A line of FILE a season, with its events. Development used seeds from 20000 to 20099.
+A change should be found, named and sized, and nothing else. A robot with several small errors of the believed physics
+(SMALL_ERRORS of truearc_proof.truth.world), constant over the season, practises 300 shots. What discovery adopts from
+them is the belief at events of 80 shots, with `since`. Before an event, one thing has changed, in either direction, or
+nothing. The data are telemetry and outcomes with the sides of misses (L1), or also tracks (L2). FILE has one line per
+season, with its events. Development used seeds from 20000 to 20099.
 """
 
 import sys

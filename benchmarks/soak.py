@@ -1,12 +1,13 @@
-"""Whether the robot can run for hours: memory, open files, threads, lateness, and whether its recording keeps step.
+"""Soak test of the robot's processes over hours: memory, open files, threads, lateness and complete recording.
 
     python -m benchmarks.soak [--minutes 60] [--folder DIR] [--gate gate.onnx] [--clients 12]
 
-`truearc run` in three processes, its devices in a fourth (slcan on a pseudo-terminal), all in real time. What each
-process holds is read from /proc (Linux). FAIL when a process goes on growing or gathers open files or threads, when
-ticks are missing from the recording or drift against the clock, when a process ends, or a file cannot be read. The
-largest sum of the robot's shares of memory (PSS: what several processes use counts once), with a gate and so many
-clients of its page, is what the unit's MemoryMax is made of; `--folder` on a full disk shows what waits for room.
+`truearc run` has three processes and its emulated devices a fourth (slcan on a pseudo-terminal), all in real time. The
+resources of each process are read from /proc (Linux). The result is FAIL if a process keeps growing or accumulates open
+files or threads, if ticks are missing from the recording or drift against the clock, if a process ends, or if a file
+cannot be read. The largest total of the robot's proportional memory (PSS, which divides shared pages among processes),
+with a gate and that many clients of the page, determines MemoryMax in the systemd unit. With `--folder` on a full disk,
+the test shows the memory of data that wait for space.
 """
 
 import re

@@ -1,7 +1,7 @@
-"""`truearc run`, noting how late each tick came and what it cost: `python -m benchmarks.timed_run FILE OPTIONS...`
+"""`truearc run` with a record of each tick's lateness: `python -m benchmarks.timed_run FILE OPTIONS...`
 
-FILE has 64-bit integers: of each tick when it came and how late, then the process's CPU time, all in nanoseconds.
-A file of its own, for the processes that a run starts import it again.
+FILE has 64-bit integers in nanoseconds: the time and the lateness of each tick, and at the end the CPU time of the
+process. This is a separate module because the processes that a run starts import it again.
 """
 
 import sys

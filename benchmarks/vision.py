@@ -1,8 +1,8 @@
-"""How fast, how accurate and how wary vision is, beside a straightforward OpenCV pipeline.
+"""Benchmark of vision: its speed, accuracy and false detections, compared with a straightforward OpenCV pipeline.
 
     python -m benchmarks.vision [--frames 200] [--clutter 10000] [--files 10000] [--plot docs/images/vision.png]
 
-Rendered images come from hw/emulated, which shares no code with robot/vision.
+The rendered images come from hw/emulated, which shares no code with robot/vision.
 """
 
 import dataclasses

@@ -1,9 +1,9 @@
-"""AprilTags: distance and sigma on rendered pictures from 1 to 8 m, and pictures of distractors that hold no tag.
+"""Benchmark of AprilTag detection: errors on rendered images from 1 to 8 m, and false detections without a tag.
 
     python -m benchmarks.vision_tag [--frames 400] [--distractors 10000] [--seed 1]
 
-The pictures are those of tests/robot/tag_scene.py (1280 x 800 pixels, blur 0.6 px, noise 3 of 255). In the distractors
-every number of the family would count.
+The images are those of tests/robot/tag_scene.py (1280 x 800 pixels, blur 0.6 px, noise 3 of 255). In the images of
+distractors, every id of the tag family counts as a detection.
 """
 
 import time
@@ -31,7 +31,7 @@ def main() -> None:
         spent_s += time.process_time() - began
         rows.append((distance_m, found.distance_m or np.nan, found.sigma_m or np.nan))
     true, said, sigma = np.array(rows).T
-    print(f"{args.frames} pictures, {1e3 * spent_s / args.frames:.0f} ms each\n\n"
+    print(f"{args.frames} images, {1e3 * spent_s / args.frames:.0f} ms each\n\n"
           "| distance, m | found | error, rms | worst | within one sigma |\n|---|---|---|---|---|")
     for low, high in (*pairwise(BANDS_M), (BANDS_M[0], BANDS_M[-1])):
         mine = (true >= low) & (true <= high)
@@ -42,7 +42,7 @@ def main() -> None:
                   f"{np.sqrt(np.mean((off / true[there])**2)):.2%} | {np.abs(off / true[there]).max():.2%} | "
                   f"{np.mean(np.abs(off) <= sigma[there]):.2f} |")
     every = replace(CONFIG, apriltag=replace(TAG, ids=tuple(range(587))))
-    print(f"\nwrong tags in {args.distractors} pictures of distractors: "
+    print(f"\nwrong tags in {args.distractors} images of distractors: "
           f"{sum(find_target(distractor(rng), every).found for _ in range(args.distractors))}")
 
 

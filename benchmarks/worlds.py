@@ -1,6 +1,6 @@
-"""Concealed worlds of a benchmark: which there are, a file with a line for each, and how findings are marked.
+"""The concealed worlds of a benchmark: their selection, a file with one line per world, and the grading of findings.
 
-Clean and dirty nulls, one hidden effect each, effects of no catalogue.
+The worlds are clean and dirty nulls, worlds with one hidden effect, and worlds with an effect outside the catalogue.
 """
 
 import argparse

@@ -1,6 +1,6 @@
-"""Air drag in proportion to the speed: what a simulation has that is wrong about the law, to be believed on purpose.
+"""Air drag proportional to speed: a deliberately wrong drag law for a simulation to believe.
 
-    truearc discover drops/ --terms-from examples/linear_drag.py --believe gravity,linear_drag
+truearc discover drops/ --terms-from examples/linear_drag.py --believe gravity,linear_drag
 """
 
 from truearc.sim.physics.term import (

@@ -1,1 +1,4 @@
-"""Hardware interfaces: protocols, frames, devices and clocks, real or emulated. They do not depend on a launcher."""
+"""Hardware interfaces, which do not depend on any particular launcher: protocols, frames, devices and clocks.
+
+They are real or emulated.
+"""

@@ -180,7 +180,7 @@ def check_stored(known: Mapping[str, StoredSettings], heard: Heard) -> Iterator[
     """Check whether each axis stores what the rig needs; one finding per axis."""
     for name, stored in known.items():
         check, values = f"{name}, stored settings", [(one, one.read(heard)) for one in stored.settings]
-        differ = [f"{one.name} {'is not told' if has is None else f'{has:g}'}, the rig needs {one.wanted:g}"
+        differ = [f"{one.name} {'is not reported' if has is None else f'{has:g}'}, the rig needs {one.wanted:g}"
                   for one, has in values if not one.is_well(has)]
         if differ:
             yield warning(check, "; ".join(differ), DO)

@@ -306,7 +306,7 @@ def _check_turned(check: str, told: tuple[Numbers, Numbers, Numbers], lag_s: flo
     way, added_way = float(np.abs(steps).sum()), float(np.abs(added).sum())
     do = "look at the encoder, its plug, its counts per turn and its maker's settings"
     if way < LEAST_RAD and added_way < LEAST_RAD:
-        return failure(check, "neither its position nor its speed has told of any", f"if it has turned, {do}; if not, "
+        return failure(check, "neither its position nor its speed shows any motion", f"if it has turned, {do}; if not, "
                        "is it blocked, or do two motors work against each other (direction)?")
     if abs(way - added_way) > SHARE * max(way, added_way) + GRAIN_RAD or steps @ added < 0.0:
         return failure(check, f"its position has moved by {way:.1f} rad, its speeds add up to {added_way:.1f}", do)
@@ -350,9 +350,9 @@ def _check_switch(rows: Sequence[Row], was_ended: bool) -> Finding:
             states += [closed] if not states or states[-1] != closed else []
     if states[-3:] == [True, False, True]:
         return ok(check, "closes and opens")
-    told = "was told as " + ", then ".join("closed" if state else "open" for state in states)
+    told = "was reported as " + ", then ".join("closed" if state else "open" for state in states)
     if was_ended or not states:
-        return warning(check, f"{told if states else 'was not told'} when the motion ended", FIRST)
+        return warning(check, f"{told if states else 'was not reported'} when the motion ended", FIRST)
     return failure(check, f"{told}; it should close, open and close again", "look at the switch, its plug and polarity")
 
 

@@ -1,6 +1,6 @@
-"""Tables of docs/reference/formats.md, and truearc/schemas, from the code; `python -m tools.pages formats` writes them.
+"""Generator of the tables of docs/reference/formats.md and of truearc/schemas: `python -m tools.pages formats`.
 
-Meanings of keys are the comments beside them: in robot/launcher.toml, and beside the fields of the structs.
+The meaning of a key is the comment beside it in robot/launcher.toml, or beside the field of its struct.
 """
 
 import inspect

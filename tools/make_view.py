@@ -1,5 +1,7 @@
-"""Make `build/view`: links that show static tools and a bare checkout the import names `truearc`,
-`truearc_proof` and `truearc_frc`."""
+"""Generator of `build/view`, whose links give a bare checkout its import names, for static tools.
+
+The names are `truearc`, `truearc_proof` and `truearc_frc`.
+"""
 
 import os
 import sys

@@ -1,8 +1,8 @@
-"""Print the project's size beside its targets: `python -m tools.measure`.
+"""The project's size compared with its targets: `python -m tools.measure`.
 
-Files are those that git tracks. A line of code has a token on it; comments, blank lines and strings that are whole
-statements are none. The chain is the longest path of imports of truearc's own modules below truearc.api.discovery,
-imports inside functions included.
+It counts the files that git tracks. A line of code is a line with a token; comments, blank lines and docstrings do not
+count. The import chain is the longest path of imports among truearc's own modules below truearc.api.discovery,
+including imports inside functions.
 """
 
 import ast

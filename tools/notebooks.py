@@ -1,6 +1,6 @@
-"""Run the notebooks of examples/notebooks and keep their outputs. TRUEARC_DATA names the folder of the recordings.
+"""Runner of the notebooks of examples/notebooks, which saves their outputs: `python -m tools.notebooks`.
 
-Usage: python -m tools.notebooks
+The environment variable TRUEARC_DATA names the folder of the recordings.
 """
 
 import os

@@ -1,13 +1,13 @@
-"""Pages that restate code or results, made again: `python -m tools.pages [NAME ...]`, all without a name.
+"""Generator of pages that restate code or results: `python -m tools.pages [NAME ...]`; all pages without a name.
 
-    python -m tools.pages reasons --drivers samplemotor     prints the reasons of other motor drivers, too
-    python -m tools.pages --run NAME COMMAND                runs `python -m ...` or `truearc ...`, keeps what it prints
+    python -m tools.pages reasons --drivers samplemotor     also prints the reasons of other motor drivers
+    python -m tools.pages --run NAME COMMAND                runs `python -m ...` or `truearc ...` and stores its output
 
-What is made stands between marks: `<!-- made: NAME -->`, on the pages of docs/reference (reference: commands and Python
-API; formats: files, from the structs and the comments beside their fields, and truearc/schemas; reasons: codes and
-messages; terms), or `<!-- result: NAME -->`, and `<!-- end -->`. measured: each page with results, tables of MADE or
-entries of docs/measured/results/printed.txt, which --run writes: command, commit and date, then what was printed;
-`<!-- result: NAME: PATTERN -->` shows the lines alone that match.
+Generated text stands between `<!-- made: NAME -->` or `<!-- result: NAME -->` and `<!-- end -->`. The names on pages of
+docs/reference are: reference (commands and Python API); formats (files, from the structs and the comments beside their
+fields, and truearc/schemas); reasons (codes and messages); terms. `measured` updates each page with results, which are
+tables of MADE or entries of docs/measured/results/printed.txt. --run writes an entry: the command, commit and date,
+then the output. `<!-- result: NAME: PATTERN -->` shows only the lines that match.
 """
 
 import argparse
@@ -210,13 +210,13 @@ def sealed() -> str:
             here = re.sub(r" \([^)]*-[^)]*\)", "", here)
             here = f"**{here}**" if reached.startswith("NOT") else here
             rows.setdefault(figure, []).append(f"{here} ({wanted})" if wanted != "-" else here)
-    return make_markdown(("figure (wanted)", *levels), [[figure, *here] for figure, here in rows.items()])
+    return make_markdown(("figure (target)", *levels), [[figure, *here] for figure, here in rows.items()])
 
 
 def rivals() -> str:
     """What other methods say of the round that they were put to."""
     marks = [one.first for one in load(MEASURED / "sealed" / "L2d.tar.xz").graded]
-    table = next(one for one in make_tables(marks) if one.title.startswith("Beside others"))
+    table = next(one for one in make_tables(marks) if one.title.startswith("Rivals in"))
     return make_markdown(table.header[:-1], [row[:-1] for row in table.rows])
 
 

@@ -1,11 +1,12 @@
-"""Build the wheels and source distributions, install them into empty environments and try them there.
+"""The check of a release: wheels and source distributions are built, installed into empty environments and tried.
 
 Usage: python tools/release_check.py [--pythons PYTHON,...] [--only TEXT]      (`make release-check`)
 
-Environments: for every Python found from 3.11 to 3.13 the base install, truearc-frc and [sim] with the newest versions
-of dependencies, and all of them with the lowest versions that are allowed (lowest with a wheel for that Python).
-Each replays, bit for bit, a session that the first [sim] environment recorded. At last the dependencies' wheels for
-Windows, macOS and a robot's aarch64 are looked for, without being installed. Exit code 1 where a check failed.
+For each Python from 3.11 to 3.13 that is found, the base install, truearc-frc and [sim] are installed with the newest
+versions of their dependencies, and then together with the lowest permitted versions that have a wheel for that Python.
+Each environment replays, bit for bit, a session recorded in the first [sim] environment. Finally, it checks that the
+dependencies have wheels for Windows, macOS and the robot's aarch64, without installing them. The exit code is 1 if a
+check fails.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Hooks of mkdocs.yml: a link from docs/ to a file of the repository becomes the file's name, which the site lacks."""
+"""Hooks of mkdocs.yml: a link from docs/ to a file outside it, which the site lacks, becomes the name of that file."""
 
 import re
 from pathlib import Path

@@ -1,6 +1,6 @@
-"""Errors for invalid input and plug-ins, and readers and writers of text and TOML that report file, line and key.
+"""Errors for invalid input: InputError, readers and writers of text and TOML, reworded msgspec messages, and plug-ins.
 
-Every module may import this one, which itself imports nothing from truearc.
+Messages name file, line and key. Every module may import this one, which itself imports nothing from truearc.
 """
 
 import csv

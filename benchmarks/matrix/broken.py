@@ -1,4 +1,4 @@
-"""What breaks at the devices' end: the button box and its cable, the wire, and the inside of a SPARK."""
+"""Faults injected at the device end: in the button box and its cable, on the wire, and inside a SPARK."""
 
 import fcntl
 import os

@@ -1,4 +1,4 @@
-"""Images for the camera of a run: a few scenes, drawn once, and two cameras that show them on either kind of clock."""
+"""Camera images for a run: a few scenes, rendered once, and one camera for stepped time and one for real time."""
 
 import functools
 import threading

@@ -1,4 +1,4 @@
-"""The devices' side of a run: a small launcher, nodes on a bus, and the driver, who also knows when what breaks."""
+"""The device side of a run: a small launcher, its nodes on a bus, a driver, and the injection of the fault."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""One fault of the catalogue: what breaks, what the robot has to say of it, how soon, and when it may go on."""
+"""The schema of one fault: what fails, the reasons that the robot must give, how soon, and when it may continue."""
 
 import math
 from collections.abc import Iterable

@@ -1,6 +1,6 @@
-"""Whether a run went as its row says, from what is on disk alone.
+"""The judgement of a run by its files alone: whether the robot reacted as the row states.
 
-How old readings were when the robot fired is computed again, from the raw frames of can0.log.
+The ages of the readings at each FIRE are recomputed from the raw frames of can0.log.
 """
 
 from bisect import bisect_right

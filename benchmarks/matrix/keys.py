@@ -1,7 +1,7 @@
-"""`truearc advise` where a key of the robot's NetworkTables is in trouble: played in stepped time, and judged.
+"""Runs of `truearc advise` with a fault in one of the robot's NetworkTables keys, in stepped time, and their judgement.
 
-Every key has noise, as sensors have. Wrong is a FIRE later than the row's bound after the trouble began and before it
-ended, none before or afterwards, a HOLD without the row's reason, and a replay that differs.
+Every key is noisy, as sensors are. A run is wrong if it FIREs during the fault after the row's time limit, if no HOLD
+with the row's reason comes within that limit, if it never FIREs before or after the fault, or if its replay differs.
 """
 
 import math

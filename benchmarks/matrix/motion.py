@@ -1,6 +1,7 @@
-"""Faults of what moves: the emulated robot's world with something wrong, the driver, and the judge of the plant's log.
+"""Motion faults: the emulated robot's world with a fault in it, the driver, and the judge of the plant's log.
 
-The driver arms, and never asks for a ball. Of the robot only the page's words are judged, and that it can be replayed.
+The driver arms the robot but never requests a shot. Apart from the plant's log, only the messages on the operator page
+and the replay are judged.
 """
 
 import math

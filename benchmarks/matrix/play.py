@@ -1,4 +1,4 @@
-"""One fault played on one bus: in stepped time in this process, or in real time in processes of their own."""
+"""One run of one fault on one bus: in stepped time in this process, or in real time in separate processes."""
 
 import multiprocessing
 import os

@@ -1,6 +1,6 @@
-"""The robot's side of a run: the code that runs on the robot, and what breaks on this side of the wires.
+"""The robot side of a run: the robot's code, and the faults injected on its side of the wires.
 
-Bus and clocks, disks, the gate's model, and vision and recorder as processes of their own.
+The faults concern the bus, clocks, disks and the gate's model, and vision and the recorder as separate processes.
 """
 
 import errno

@@ -1,7 +1,8 @@
-"""The catalogue: what is broken, what is to come of it, how soon, and what it takes to go on.
+"""The fault catalogue: each fault, the expected reaction, the time allowed for it, and how the robot recovers.
 
-ODrives, wires, camera, box, disk, model and processes; launchers with SPARKs and those of another controller; keys of
-NetworkTables; motion, whose times are those of "what stops what" in docs/explanation/safety.md.
+It covers ODrives, wires, camera, button box, disk, model and processes; launchers with SPARKs or with motors driven by
+another controller; NetworkTables keys; and motion, with the time limits of the interlock table in
+docs/explanation/safety.md.
 """
 
 import math

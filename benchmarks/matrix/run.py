@@ -1,4 +1,4 @@
-"""What all processes of a run share: its span in a mapped file, its launcher, the frames that firing needs."""
+"""What all processes of a run share: times in a mapped file, the launcher, and the frames that are needed to fire."""
 
 import contextlib
 import mmap

@@ -1,6 +1,7 @@
-"""Tracked flights of a spinning foam ball: `python examples/tracks/make.py DIR` writes shots.csv and tracks.csv.
+"""Generator of tracked flights of a spinning foam ball, shots.csv and tracks.csv: `python examples/tracks/make.py DIR`.
 
-Plain NumPy, no truearc: gravity, drag (coefficient 0.5) and lift (coefficient 0.10), small steps, 5 mm of camera noise.
+It uses NumPy without truearc: gravity, drag (coefficient 0.5) and lift (coefficient 0.10), integrated in small steps,
+with 5 mm of camera noise.
 """
 
 import sys

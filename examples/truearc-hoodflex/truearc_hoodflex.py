@@ -1,6 +1,7 @@
-"""A hood that yields to the ball, the more the faster the wheels turn.
+"""A hood that yields to the ball, and more so at higher wheel speeds.
 
-A worked example of a term outside truearc (docs/how-to/add-a-term.md). All names of truearc are imported here.
+This is an example of a term outside truearc (docs/how-to/add-a-term.md). Its first import has all names of truearc that
+a term needs.
 """
 
 import math

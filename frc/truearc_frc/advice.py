@@ -15,17 +15,8 @@ from truearc.robot import reasons as because
 from truearc.robot.advice import ADVICE
 from truearc.robot.aim import NOWHERE, as_at_rest
 from truearc.robot.config.schema import Config
-from truearc.robot.config.shot_map import (
-    MOTOR,
-    NOT_MARKED,
-    WHEEL,
-    ShotMap,
-    Signal,
-    as_signal,
-    factor_of,
-    plain,
-    unit_in,
-)
+from truearc.robot.config.shot_map import NOT_MARKED, ShotMap, Signal, as_signal, plain
+from truearc.robot.config.units import MOTOR, WHEEL, factor_of, unit_in
 from truearc.robot.gate import FEATURES, Gate, load_gate
 from truearc.robot.reasons import texts
 from truearc.robot.runtime import Recorder

@@ -15,7 +15,7 @@ from truearc_frc.table import LISTEN_S
 
 EXAMPLE = "truearc advise --nt 10.25.4.2 --map shots.toml --gate gate.onnx --aim aim.json --rig rig.toml"
 PROGRESS = False
-GROUP, SUMMARY = "robot", "beside a robot that drives itself: its NetworkTables in, the gate's word out"
+GROUP, SUMMARY = "robot", "publish the gate's verdict to a robot that runs its own program"
 RATE_HZ, FRESH_S, SIGMA_M = 50, 0.5, 0.05
 
 

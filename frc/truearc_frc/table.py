@@ -44,12 +44,12 @@ class Nt4Velocity(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
 
     key: str                          # struct ChassisSpeeds, or an array that begins with forward and left, m/s
     most_m_s: Positive                # faster: HOLD
-    pointing_deg: Positive            # the launcher may point this far beside the lead
+    pointing_deg: Positive            # the launcher may point this far off the lead
     delay_s: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0          # from a FIRE to when the ball leaves
     frame: Literal["robot", "field"] = "robot"
     heading: str = ""                 # field: key of the robot's heading, counter-clockwise
     heading_unit: Literal["rad", "deg"] = "rad"
-    alive: str = ""                   # key that changes in every loop of the robot's program: a velocity may stand
+    alive: str = ""                   # key that changes in every loop of the robot's program, so a velocity may rest
 
 
 class Nt4(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

@@ -207,7 +207,8 @@ def check_encoder(device: int, period_ms: int, longest_age_s: float, heard: fami
     start: AngleReading | None = None
     reading, refused = heard.read([(frame_id, True) for frame_id in ids], partial(parse, device), start)
     if refused:
-        return failure(CHECK, f"sends what cannot be ({refused[0]})", "look at the wiring, and for another such device")
+        return failure(CHECK, f"sends impossible values ({refused[0]})",
+                       "look at the wiring, and for another such device")
     if reading is None:
         return failure(CHECK, f"device {device} is silent", "look at its power and plug, and at its device number")
     statuses = len(heard.of(ids[1], extended=True))

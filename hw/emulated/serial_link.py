@@ -1,4 +1,4 @@
-"""Emulated serial cables, and an emulated serial CAN adapter at the end of one."""
+"""The device end of an emulated serial cable, and an emulated slcan adapter that carries CAN frames over it."""
 
 import contextlib
 import os

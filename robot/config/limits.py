@@ -1,9 +1,9 @@
-"""The limits of launcher.toml: the minimum and maximum of each number, and checks for contradictory values.
+"""Checks of launcher.toml: numbers out of range, contradictions between values, and rigs that no launcher can have.
 
-All limits are defined in `limits.toml`. `load_config` refuses values outside them, and the formats page lists them. A
-bound is a number or a product of a number and keys, such as "2 / tick_hz" or "0.5 * hood.pid.output_high"; the
-narrowest of several bounds applies. A bound is ignored if it uses a key that the configuration lacks, or a key marked
-`?` whose value is 0.
+`limits.toml` has the range of each number; the formats page lists these ranges. A bound is a number or a product of a
+number and keys, such as "2 / tick_hz" or "0.5 * hood.pid.output_high"; the narrowest of several bounds applies. A bound
+is ignored if it uses a key that the configuration lacks, or a key marked `?` whose value is 0. All other checks, such
+as the hood's screw angle and the density of the ball, are in this module. `load_config` refuses what they find.
 """
 
 import math

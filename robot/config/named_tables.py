@@ -53,7 +53,7 @@ class Driving(NamedTuple):
     """What the tick must know of a robot that reports its motion, for shots on the move."""
 
     most_m_s: float                   # faster: HOLD
-    pointing_deg: float               # the launcher may point this far beside the lead
+    pointing_deg: float               # the launcher may point this far off the lead
     delay_s: float = 0.0              # from a FIRE to when the ball leaves
 
 

@@ -1,4 +1,4 @@
-"""The operator page, and the `--page` option, which gives its address."""
+"""The operator page, and the `--page` option, which sets its address."""
 
 import argparse
 

@@ -5,8 +5,8 @@ verdict would be HOLD. Queries and answers never reach the tick.
 
 WhatIfProcess answers in a process of its own, so that neither the tick nor the recorder waits for the model. The
 process's standard input is one end of a connection, over which it receives the text of a query, or None to request the
-facts, and sends an answer. The first query starts the process. It ends when the connection closes, even if its parent
-has crashed.
+gate's facts (hash, limits, feature ranges), and sends an answer. The first query starts the process. It ends when the
+connection closes, even if its parent has crashed.
 """
 
 import contextlib

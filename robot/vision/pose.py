@@ -1,4 +1,4 @@
-"""The camera pose, with covariance, from the four marks of the target, and the geometry of the lens and the target.
+"""Camera and target geometry for vision: the lens (Optics), the target's shape, and the camera pose with covariance.
 
 A calibration is valid for one image size. An image of another size is assumed to be another mode of the same sensor
 that shows its full height: focal length and principal point scale with the image's height, and a wider image only shows
@@ -95,7 +95,7 @@ class Optics:
         return spread
 
     def smeared(self, smear_px2: float) -> "Optics":
-        """Return the same covariance if a motion of the camera is visible: it continues from row to row."""
+        """Return these optics with the larger motion, from row to row, that a smear of the image reveals."""
         if smear_px2 == 0.0:
             return self
         right, down = self.turns

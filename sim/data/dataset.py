@@ -193,7 +193,7 @@ class Dataset(Printed):
         """Return a line for each thing that limits what the shots can show, or that is seldom true of real ones.
 
         These are rows that repeat another, shots of one instant, empty cells, outcomes of one kind, a voltage that
-        never moves, and balls that left below the straight line to the opening's lower rim. No command refuses them.
+        never changes, and balls that left below the straight line to the opening's lower rim. No command refuses them.
         """
         return (*_repeated(self), *_empty(self), *_one_kind(self), *_still(self.shots), *_flat(self))
 
@@ -239,8 +239,8 @@ def _repeated(dataset: Dataset) -> Iterator[str]:
                 for row, (session, at) in enumerate(zip(shots.text("session"), t_s.tolist(), strict=True))]
     same = [pair for pair in _again(instants) if pair[0] not in copied]
     if same and len(np.unique(t_s[np.isfinite(t_s)])) > 1:            # else no times
-        yield (f"t_s: shots of the instant of an earlier one: {_listed(ids, same)}; was one written twice? If they are "
-               "of two sessions, name these in the column session")
+        yield (f"t_s: shots at the same instant as an earlier one: {_listed(ids, same)}; was one written twice? If "
+               "they are of two sessions, name these in the column session")
 
 
 def _again(keys: Sequence[Hashable]) -> list[tuple[int, int]]:
@@ -297,8 +297,8 @@ def _one_kind(dataset: Dataset) -> Iterator[str]:
 def _still(shots: Shots) -> Iterator[str]:
     voltage = shots.number("battery_v")[np.isfinite(shots.number("battery_v"))]
     if len(voltage) >= MANY_SHOTS and np.ptp(voltage) == 0.0:
-        yield (f"battery_v: the voltage never moves ({voltage[0]:g} V in {len(voltage)} shots): that of a robot does; "
-               "were these shots simulated?")
+        yield (f"battery_v: the voltage never changes ({voltage[0]:g} V in {len(voltage)} shots): that of a robot "
+               "does; were these shots simulated?")
 
 
 def _flat(dataset: Dataset) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Import shots from the logs and tables of any team."""
+"""Import of shots from the logs and tables of any team."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

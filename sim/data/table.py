@@ -25,8 +25,8 @@ import pyarrow.parquet as pq
 
 from truearc.errors import MAX_BYTES, InputError, load_bytes
 from truearc.robot.config.rig_spec import MOST
-from truearc.robot.config.shot_map import BRACKETS, CONVERTED, ZERO, in_unit, unit_of
-from truearc.robot.config.shot_map import WHEEL as WHEEL
+from truearc.robot.config.units import BRACKETS, CONVERTED, ZERO, in_unit, unit_of
+from truearc.robot.config.units import WHEEL as WHEEL
 from truearc.sim.data.dataset import Floats, Written
 
 DECIMAL_COMMA = re.compile(r"^\s*([+-]?\d+),(\d+)\s*$")

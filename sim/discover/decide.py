@@ -29,8 +29,8 @@ of its likeliest name. Otherwise it is reported as unknown, its sentence gives t
 
 **Names.** The names are the smallest set that holds at least SURE of the explained probability; it is a single name
 only if that name alone is so probable. Three kinds of names are added: aliases of members, whatever their probability;
-names that one linear step cannot tell from a member and that are at least TWIN times as probable; and numbers of the
-tracker that explain equally well what has changed since an earlier session. If one name remains, the verdict is
+names that one linear step cannot distinguish from a member and that are at least TWIN times as probable; and numbers of
+the tracker that explain equally well what has changed since an earlier session. If one name remains, the verdict is
 *named*; if several remain, it is *set*, and `form_of` chooses the sentence.
 
 **No effect.** The verdict is *none*, and there is no set. The first row that applies decides how the sentence begins
@@ -50,7 +50,7 @@ that no row refuses is adopted.
 | a fitted number | it stopped at the end of its range |
 | ends of tracks, forecast from the settings without the tracker's errors | no closer than the present belief's |
 | outcomes of tracked shots | forecast worse, by CLEARLY standard errors, than by their overall frequencies |
-| log score with balls other than this session's or, failing that, of the shots as they are | 90 % interval below 0 |
+| log score with balls other than this session's or, failing that, of the session's shots | 90 % interval below 0 |
 | points of aim and gate | mean gain below 0 |
 
 If no effect has a name, the average of the names that come closest is adopted, provided that the 90 % interval of its
@@ -83,25 +83,27 @@ from truearc.sim.statistics import Z90
 
 # Chosen: half. Measured: without near copies a drag twice too large stands alone on a throwing robot's tracks;
 # one set of 162 development worlds is larger with them (git show 0e4d587e)
-TWIN = 0.5                            # of a name's probability, that what hardly differs from it must have
+TWIN = 0.5                            # share of a name's probability that a nearly equal name must have to be added
 # Chosen: what is printed as 0 or 1 %
-ANY = 0.01                            # probability of names, below which they do not stand for what is unexplained
-LIKELY = 0.5                          # probability from which a thing is likelier than not
+ANY = 0.01                            # probability of names below which they do not explain the effect
+LIKELY = 0.5                          # probability above which something is more likely than not
 # Derived: the normal quantile 0.975, and a likelihood interval of 95 % (Wilks 1938), rounded
-CLEARLY = 2.0                         # standard errors by which plain shares beat a forecast, or a free curve is better
-# Derived: 5 % then falls on a draw, known to 0.7 %
-DRAWS = 999                           # after the first step, whose probability is the one that is promised
+CLEARLY = 2.0                         # standard errors by which plain shares or a free curve must be better
+# Derived: 5 % then coincides with a draw, and is known to 0.7 %
+DRAWS = 999                           # sign flips after the first step, whose false-alarm rate is the stated one
 
 
 @dataclass(frozen=True)
 class Step:
-    """One effect. `before`, `after`, `average`, `free` [n]: log scores of unseen shots without it, with the leading
-    name, with all names as far as they are likely, with the free curve. Other named effects are in `fitted`.
+    """One effect.
 
-    unexplained: probability of a change that no term explains, alone or beside one; change: the likeliest such change,
-    with the name that it stands beside.
-    unknown, chosen: the decision. No term explains it; else the columns of the terms that it may be, likeliest first.
-    withheld: why it has no name although one explains it; "" where that is not so.
+    before, after, average, free [n]: log scores of hold-out shots without the effect, with the leading name, averaged
+    over all names by probability, and with the free curve. `fitted` includes the other named effects.
+    unexplained: probability of a change that no term explains, alone or in addition to one; change: the likeliest such
+    change, with the name that accompanies it.
+    unknown, chosen: the decision: no term explains the effect, or else the columns of its possible terms, likeliest
+    first.
+    withheld: the reason why a name that explains the effect is withheld; "" if none is.
     """
 
     naming: Naming
@@ -110,7 +112,7 @@ class Step:
     after: Each
     average: Each
     free: Each | None
-    base: tuple[str, ...]             # names put in before
+    base: tuple[str, ...]             # names added earlier
     fitted: LauncherFit               # without this effect
     unexplained: float = 0.0
     change: Hypothesis | None = None
@@ -124,39 +126,39 @@ class Step:
 
     @property
     def column(self) -> Column:
-        """Of the leading name, in `fitted`."""
+        """The column of the leading name in `fitted`."""
         return self.fitted.scores.columns[self.fitted.scores.index(self.naming.leader)]
 
 
 @dataclass(frozen=True)
 class Search:
-    """The data and settings of all tests of one search. shots: how many the dataset has."""
+    """The data and settings of all tests of one search. shots: number of shots in the dataset."""
 
     shots: int
     covariates: tuple[Covariate, ...]
     factors: tuple[Factor, ...]
     false_alarm: float
     seed: int
-    home: battery.ReferenceSession | None = None          # the session since which changes are looked for
+    home: battery.ReferenceSession | None = None          # session relative to which changes are tested
 
     def ask(self, fitted: LauncherFit) -> Asked:
-        """All tests of the fit, the misfit of the reference session subtracted."""
+        """Return all tests of the fit, with the misfit of the reference session subtracted."""
         home = None if self.home is None else self.home.among(fitted)
         return ask_everything(fitted.scores, self.covariates, self.factors, self.shots, self.seed, home)
 
     def left(self, fitted: LauncherFit) -> tuple[Asked, Judged] | None:
-        """All tests, judged, if anything is left beside the effects found already."""
+        """Return all tests and their judgement if anything remains beside the effects already found; else None."""
         asked = self.ask(fitted)
         judged = judge_left(asked, self.seed) if asked.tests else None
         return None if judged is None or judged.p_any > self.false_alarm else (asked, judged)
 
     def where(self, fitted: LauncherFit, left: tuple[Asked, Judged]) -> Place | None:
-        """Where the rest is."""
+        """Return the place of what remains."""
         return locate(fitted.scores, *left, self.false_alarm, self.shots, self.seed)
 
     def weigh(self, fitted: LauncherFit, place: Place | None, base: tuple[str, ...],
               progress: Progress) -> "Weighed":
-        """What may be missing in the fit beside the names of `base`."""
+        """Return the hypotheses about what the fit lacks beside the names of `base`."""
         naming = name_terms(fitted, lambda done, note: progress(0.5 * done, note))
         posterior = weigh(fitted, naming, self.covariates, self.factors, self.home)
         progress(1.0, "weighed")
@@ -168,24 +170,24 @@ class Search:
 
 @dataclass(frozen=True)
 class Weighed:
-    """One more effect in a fit, and all hypotheses about what is missing there."""
+    """One more effect of a fit, and all hypotheses about what the fit lacks."""
 
     step: Step
     posterior: Hypotheses
 
     def beside(self) -> Step:
-        """The effect where what is unexplained is another one: names beside that count, too."""
+        """Return the effect if the unexplained change is another effect: names in addition to it count, too."""
         naming = replace(self.step.naming, inclusion=self.posterior.inclusion(beside=True))
         return replace(self.step, naming=naming, unexplained=self.posterior.share("unexplained"))
 
 
 def decide(fitted: LauncherFit, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
-    """The effects that are reported, in the order in which they were found; at least one."""
+    """Return the reported effects, at least one, in the order in which they were found."""
     return guarded(found_effects(fitted, place, search, progress))
 
 
 def guarded(steps: tuple[Step, ...]) -> tuple[Step, ...]:
-    """The effects up to the first whose names a guard withholds, that one without a name."""
+    """Return the effects up to the first whose names a guard withholds; that one is unknown."""
     for k, step in enumerate(steps):
         why = "" if step.unknown else next(filter(None, (guard(step) for guard in GUARDS)), "")
         if why:
@@ -207,8 +209,10 @@ def out_of_nature(step: Step) -> str:
 
 
 def too_large(step: Step) -> str:
-    """By the size of its refit and by that which is reported; without the room for error that naming leaves either. A
-    size that was measured otherwise may be any."""
+    """Compare the sizes of the refit and of the report with the usual size, without allowance for their errors.
+
+    A size that was measured independently is never too large.
+    """
     found, usual = step.refit, step.column.usual
     name, among = found.names[0], found.model.catalogue
     if name in found.model.layout.measured:
@@ -219,7 +223,7 @@ def too_large(step: Step) -> str:
 
 
 def _said(name: str, verb: str, value: str, among: Catalogue) -> str:
-    """Such as "wind upward (wind_z.speed_m_s) would have to be 9 m/s"."""
+    """Return a phrase such as "wind upward (wind_z.speed_m_s) would have to be 9 m/s"."""
     if among.get(name.partition(".")[0]) is None:
         return f"{name} {verb} {value}"
     unit = find_parameter(name, among).unit
@@ -234,7 +238,7 @@ GUARDS: tuple[Callable[[Step], str], ...] = (at_limit, out_of_nature, too_large)
 
 
 def found_effects(fitted: LauncherFit, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
-    """The effects by posterior and tests, before any guard."""
+    """Return the effects according to posterior and tests, before any guard."""
     found = search.weigh(fitted, place, (), part_of(progress, 0.0, 0.5))
     posterior, whole = found.posterior, one_effect(found)
     varies = posterior.share("varies") >= LIKELY
@@ -263,7 +267,7 @@ def found_effects(fitted: LauncherFit, place: Place | None, search: Search, prog
 
 
 def _beside_both(both: LauncherFit, names: tuple[str, ...], search: Search, progress: Progress) -> tuple[Step, ...]:
-    """What is left beside two names, if it has a name or a place."""
+    """Return the effect that remains beside two names, if it has a name or a place."""
     left = search.left(both)
     if left is None:
         return ()
@@ -277,36 +281,38 @@ def _direction(fitted: LauncherFit, change: Hypothesis) -> str:
 
 
 def one_effect(found: Weighed) -> Step:
-    """The effect if nothing else is missing."""
+    """Return the effect, assuming that nothing else is missing."""
     if says_nothing(found.step.naming) or found.posterior.unexplained() >= LIKELY:
         return replace(as_named(found.step, found.posterior), unknown=True)
     return as_named(found.step, found.posterior)
 
 
 def as_unknown(step: Step) -> Step:
-    """The effect without a name."""
+    """Return the effect without a name."""
     return replace(step, unknown=True)
 
 
 def as_named(step: Step, posterior: Hypotheses | None = None, beside: bool = False) -> Step:
-    """The effect with the names that it may have."""
+    """Return the effect with its credible set of names."""
     return replace(step, unknown=False, chosen=credible_set(step.naming, posterior, beside))
 
 
 def says_nothing(naming: Naming) -> bool:
-    """Whether the data speak for no term: not for the likeliest alone, nor for it beside another."""
+    """Return whether the data support no term, neither the likeliest alone nor in addition to another effect."""
     return naming.nats[naming.leader] <= 0.0 and naming.probability[naming.leader] < LIKELY
 
 
 def holds_more(posterior: Hypotheses) -> bool:
-    """Whether two things are likelier than one, and that by the data: pairs have their share of the prior."""
+    """Return whether two effects are more likely than one because of the data and not of the prior of pairs."""
     one, more = posterior.share("one"), posterior.share("two") + posterior.share("both")
     return more >= LIKELY and more > STRONG * ((SHARES["two"] + SHARES["both"]) / SHARES["one"]) * one
 
 
 def credible_set(naming: Naming, posterior: Hypotheses | None, beside: bool = False) -> tuple[str, ...]:
-    """The names of one effect, likeliest first. posterior None: exactly one of them is there. beside: names count
-    beside what is unexplained, too."""
+    """Return the names of one effect, likeliest first.
+
+    posterior None: exactly one name is true. beside: names in addition to an unexplained change count, too.
+    """
     probability, chosen, explained = naming.probability, list[str](), 1.0
     if posterior is not None:
         explained -= posterior.share("unexplained") if beside else posterior.unexplained()
@@ -322,7 +328,7 @@ def credible_set(naming: Naming, posterior: Hypotheses | None, beside: bool = Fa
 
 
 def make_step(naming: Naming, place: Place | None, base: tuple[str, ...], fitted: LauncherFit) -> Step:
-    """One effect by its names, not decided."""
+    """Return one effect with its names, before the decision."""
     before, after, average = unseen_scores(naming, fitted)
     if place is not None:
         place = replace(place, test=replace(place.test, column=fitted.scores.index(place.column.name)))
@@ -331,7 +337,7 @@ def make_step(naming: Naming, place: Place | None, base: tuple[str, ...], fitted
 
 
 def rest_beside(named: LauncherFit, place: Place | None, name: str, change: Hypothesis | None) -> tuple[Step, ...]:
-    """The effect that is left beside a name, where it can be placed."""
+    """Return the effect that remains beside a name, if it has a place."""
     if place is None:
         return ()
     naming = name_terms(named, lambda done, note: None)
@@ -340,7 +346,7 @@ def rest_beside(named: LauncherFit, place: Place | None, name: str, change: Hypo
 
 @dataclass(frozen=True)
 class Pair:
-    """Two effects, each named with the other in, and the fit with both."""
+    """Two effects, each named while the other is in the model, and the fit with both."""
 
     steps: tuple[Step, Step]
     both: LauncherFit
@@ -351,9 +357,9 @@ class Pair:
 
 
 def take_apart(fitted: LauncherFit, first: Step, pair: LauncherFit, progress: Progress) -> Pair:
-    """An effect for each of two names, its rivals judged beside the other.
+    """Return one effect for each of two names; the rivals of each are judged with the other in the model.
 
-    The second is the likeliest beside the first once it is truly refitted, which the pair's closed form only guesses.
+    The second is the likeliest after a true refit beside the first; the closed form of the pair is only an estimate.
     """
     lead = 0 if pair.names[0] == first.naming.leader else 1
     beside = fitted.beside(fitted.with_terms((pair.names[lead],), pair.amplitude[[lead]]))
@@ -369,9 +375,12 @@ def take_apart(fitted: LauncherFit, first: Step, pair: LauncherFit, progress: Pr
 
 
 def strange(fit: LauncherFit, trackers: bool = False) -> dict[str, float]:
-    """Return the numbers of believed terms that lie CREDIBLE_SD standard deviations of the fit's prior or more from its
-    centre: a term that was added may stand for something else. Numbers of an earlier session may change; a tracker's
-    are remarked on by themselves, and count only if `trackers`."""
+    """Return the parameters of believed terms that lie more than CREDIBLE_SD standard deviations of the prior from its
+    centre, which means that an added term may represent another effect.
+
+    Parameters of an earlier session may change and do not count; those of a tracker are reported separately and count
+    only if `trackers`.
+    """
     layout, first = fit.model.layout, fit.model.layout.first_shared
     sd = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
     far = layout.in_slot[first:] & (np.abs(fit.scores.point[first:] - layout.centre) > CREDIBLE_SD * sd)
@@ -382,8 +391,8 @@ def strange(fit: LauncherFit, trackers: bool = False) -> dict[str, float]:
 
 
 def unseen_scores(naming: Naming, fitted: LauncherFit) -> tuple[Each, Each, Each]:
-    """Log scores [n] of unseen shots (without any name, with the leading one, averaged over all refitted ones that are
-    possible)."""
+    """Return log scores [n] of hold-out shots: without any name, with the leading name, and averaged over all refitted
+    names that are possible."""
     before = fitted.held_out()
     scores = {name: one.scores.held_out() for name, one in naming.refits.items()
               if name == naming.leader or naming.nats[name] > NEVER}
@@ -391,9 +400,10 @@ def unseen_scores(naming: Naming, fitted: LauncherFit) -> tuple[Each, Each, Each
 
 
 def averaged(naming: Naming, before: Each, scores: dict[str, Each]) -> Each:
-    """Log score [n] of unseen shots by all refitted names and none, each as likely as the other folds' shots make it.
+    """Return the log score [n] of hold-out shots averaged over all refitted names and no name, weighted by their
+    probabilities given the other folds.
 
-    For forecasts: a name that is one of several likely ones forgoes what the others know (Hoeting et al. 1999).
+    Forecasts use this average because a single name discards the information in the others (Hoeting et al. 1999).
     """
     fold = folds_of(len(before))
     each = np.stack([before, *scores.values()])
@@ -407,18 +417,21 @@ def averaged(naming: Naming, before: Each, scores: dict[str, Each]) -> Each:
 
 
 def judge_left(asked: Asked, seed: int) -> Judged:
-    """All tests of what is left beside what was found already."""
+    """Return the judgement of all tests of what remains beside the effects already found."""
     return judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, seed, lambda done, note: None)
 
 
 def clearly(gain: Each, fitted: LauncherFit) -> bool:
-    """Whether log scores [n] of unseen shots gain more than CLEARLY standard errors, and more than CLEARLY nats."""
+    """Return whether log scores [n] of hold-out shots gain more than CLEARLY standard errors and CLEARLY nats."""
     return bool(gain.mean() > CLEARLY * clustered_error(gain, fitted.scores.together) and gain.sum() > CLEARLY)
 
 
 class Judgement(NamedTuple):
-    """`verdict`: named, set or unknown; `terms`: the set, None without a name; rivals: what may have changed in place
-    of the first term, that one among them, each with its share of that one's probability."""
+    """The verdict on an effect: named, set or unknown.
+
+    terms: the set; None without a name. rivals: numbers that may have changed instead of the first term, and that term,
+    each with its share of the term's probability.
+    """
 
     verdict: str
     terms: tuple[str, ...] | None
@@ -426,7 +439,7 @@ class Judgement(NamedTuple):
 
 
 def verdict_of(first: Step, fitted: LauncherFit, home: LauncherFit | None) -> Judgement:
-    """The verdict on the first effect; home: the fit of the earlier session, if changes since then were looked for."""
+    """Return the verdict on the first effect. home: fit of the earlier session if changes since then were tested."""
     if first.unknown:
         return Judgement("unknown", None, ())
     terms = tuple(name.partition(".")[0] for name in first.chosen)
@@ -438,16 +451,16 @@ def verdict_of(first: Step, fitted: LauncherFit, home: LauncherFit | None) -> Ju
 
 
 def opening_of(errors: Sequence[Any], sight: Sight, blind: Sequence[TermIdentifiability]) -> str:
-    """What a sentence without an effect begins with: tracker | blind | none.
+    """Return how a sentence without an effect begins: tracker | blind | none.
 
-    errors: sets of the tracker's errors; blind: terms that could not have been seen at their usual size.
+    errors: sets of the tracker's errors; blind: terms that could not have been detected at their usual size.
     """
     asked, unseen = (sum(one.why != UNTOUCHED for one in terms) for terms in (sight.terms, blind))
     return "tracker" if errors else "blind" if unseen > LIKELY * asked else "none"
 
 
 def form_of(members: Sequence[float]) -> str:
-    """The sentence about names of these probabilities, likeliest first: one | both | likely | several."""
+    """Return the kind of sentence about names of these probabilities, likeliest first: one, both, likely or several."""
     if len(members) == 1:
         return "one"
     if len(members) == 2 and sum(members) > 1.0 + LIKELY:
@@ -456,32 +469,33 @@ def form_of(members: Sequence[float]) -> str:
 
 
 class Adoptable(Protocol):
-    """A simulation that may be adopted; its hold-out forecasts are measured when they are asked for."""
+    """A simulation that may be adopted; its hold-out forecasts are evaluated on demand."""
 
     @property
     def why(self) -> str:
-        """Why a free curve that was found is not in it; "" otherwise."""
+        """The reason why it lacks a free curve that was found; "" otherwise."""
     @property
     def empty(self) -> bool:
-        """Whether nothing that was found is in it."""
+        """Whether it contains nothing that was found."""
     @property
     def at_limit(self) -> dict[str, float]:
-        """Numbers that stopped at the end of their range."""
+        """Parameters that stopped at the end of their range."""
     @property
     def ends_m(self) -> tuple[float, float] | None:
-        """Errors of tracks' ends by what is believed, and by it, without the tracker's own errors; None without any."""
+        """Errors of track ends, forecast by the present belief and by this one, without the tracker's own errors; None
+        without tracks."""
     @property
     def beaten(self) -> float | None:
-        """Standard errors by which it forecasts outcomes of tracked shots better than their plain shares do."""
+        """Standard errors by which it forecasts outcomes of tracked shots better than their overall frequencies do."""
     @property
     def gain(self) -> tuple[float, float] | None:
-        """90 % interval of the log score that a shot gains."""
+        """90 % interval of the gain in log score per shot."""
     @property
     def other_balls(self) -> bool:
-        """Whether `gain` is that with other balls than this session's."""
+        """Whether `gain` is for balls other than this session's."""
     @property
     def points(self) -> Adoption | None:
-        """Points that hold-out shots would have scored; None where no target tells any."""
+        """Points that hold-out shots would have scored; None without a target."""
 
 
 AnyAdoptable = TypeVar("AnyAdoptable", bound=Adoptable)
@@ -489,10 +503,10 @@ AnyAdoptable = TypeVar("AnyAdoptable", bound=Adoptable)
 
 @dataclass(frozen=True)
 class Choice(Generic[AnyAdoptable]):
-    """What is adopted.
+    """The adopted simulation.
 
-    why: reason why not all that was found is, "" if it is. points: of the first trial that was judged by them.
-    at_limit: numbers of what was tried that stopped at the end of their range.
+    why: reason why not everything that was found is adopted; "" if it is. points: those of the first trial that was
+    judged by points. at_limit: parameters of the trials that stopped at the end of their range.
     """
 
     trial: AnyAdoptable
@@ -503,8 +517,11 @@ class Choice(Generic[AnyAdoptable]):
 
 def choose(trials: Iterable[AnyAdoptable], nearest: Callable[[], AnyAdoptable] | None, nothing: AnyAdoptable,
            why: str) -> Choice[AnyAdoptable]:
-    """The first of `trials` that is not refused; else `nearest`, if points surely gain by it; else `nothing`. why:
-    reason why the first trial has not all that was found."""
+    """Return the first of `trials` that is not refused; else `nearest`, if its 90 % interval of points gained is
+    above 0; else `nothing`.
+
+    why: reason why the first trial lacks something that was found.
+    """
     first: Adoption | None = None
     at_limit: dict[str, float] = {}
     for trial in trials:
@@ -525,7 +542,7 @@ def choose(trials: Iterable[AnyAdoptable], nearest: Callable[[], AnyAdoptable] |
 
 
 def refuse(trial: Adoptable) -> str:
-    """Why a simulation is not adopted, the first reason that holds; "" where none does. Points come last."""
+    """Return the first reason why a simulation is not adopted; "" if there is none. Points are judged last."""
     if trial.at_limit:
         return f"beside them {', '.join(trial.at_limit)} stopped at the end of its range"
     if (ends_m := trial.ends_m) is not None and ends_m[1] >= ends_m[0]:
@@ -540,14 +557,14 @@ def refuse(trial: Adoptable) -> str:
 
 
 def contradicted(beaten: float | None) -> str:
-    """Why tracks and outcomes contradict each other; "" where they do not."""
+    """Return why tracks and outcomes contradict each other; "" if they do not."""
     return "" if beaten is None or beaten > -CLEARLY else (
         "from the settings alone it forecasts outcomes worse than their plain shares do: tracks and outcomes "
         "contradict each other")
 
 
 def gain_interval(fit: FitSummary) -> tuple[float, float] | None:
-    """90 % interval of the log score gained per shot."""
+    """Return the 90 % interval of the log score gained per shot."""
     if fit.gain_per_shot is None or fit.gain_se is None:
         return None
     return fit.gain_per_shot - Z90 * fit.gain_se, fit.gain_per_shot + Z90 * fit.gain_se

@@ -51,11 +51,11 @@ class DataSummary(Struct, frozen=True, omit_defaults=True):
     fitted: dict[str, dict[str, float]]       # tracks | outcomes -> shared parameters
     clusters: dict[str, Any]          # `by`: shot, ball_id, session ...; `count`
     accepted: tuple[str, ...] = ()    # objections to the data that the user accepted, or that only warn
-    untested: tuple[str, ...] = ()    # kinds of effects that these data have no column for
+    untested: tuple[str, ...] = ()    # kinds of effects for which these data have no column
     topspin: bool = False             # of most balls, by wheels or measurement
     at_limit: dict[str, float] = {}   # fitted numbers that stopped at the end of their range
-    improbable: dict[str, float] = {} # fitted, but believed all but impossible; else the tracker's
-    notes: tuple[str, ...] = ()       # what limits the shots, or is seldom true of real ones
+    improbable: dict[str, float] = {} # fitted numbers with improbable values, and the tracker's
+    notes: tuple[str, ...] = ()       # what limits the shots, or is unusual for real shots
     sha256: str = ""                  # of the dataset's content, as in provenances
 
 
@@ -66,7 +66,7 @@ class TestResult(Struct, frozen=True):
 
     stage: str                        # sensing | launch | flight | arrival
     direction: str                    # along | lateral | vertical
-    covariate: str | None             # what the misfit goes with; null: the same in all shots
+    covariate: str | None             # what the misfit depends on; null: the same in all shots
     shape: str                        # same | proportional | straight | product | wave | step at VALUE
     statistic: float                  # size of the score in standard errors, clustered
     p_alone: float                    # as if this were the only test
@@ -79,7 +79,7 @@ class TestResult(Struct, frozen=True):
 class Mismatch(Struct, frozen=True):
     found: bool                       # whether the family's p_value is below false_alarm
     p_value: float | None             # of the whole family
-    false_alarm: float                # rate that was asked for
+    false_alarm: float                # requested rate
     tests: dict[str, TestResult]      # best lines of the family by channel and covariate, or by parameter
     tests_made: int                   # size of the family
     families: dict[str, float]        # terms | free | pattern -> p of the family alone
@@ -93,7 +93,7 @@ class Where(Struct, frozen=True):
     region: dict[str, Any]            # of the covariate: `from`, `to`, or a group
     times_s: tuple[float, float] | None # first and last time of the shots concerned, s
     channel: str | None               # part of a shot that is off, such as launch speed
-    inseparable: tuple[str, ...]      # other names that go with the same shots as the covariate
+    inseparable: tuple[str, ...]      # covariates that these shots cannot distinguish from this one
     reason: str | None                # why a field above is null
 
 
@@ -109,12 +109,12 @@ class Interval(Struct, frozen=True):
 
 class Named(Struct, frozen=True):
     term: str                         # name in docs/reference/terms.md
-    probability: float                # that it is among what is missing, with nothing unexplained beside it
-    parameters: dict[str, Interval]   # by name; of a believed one its new value
+    probability: float                # that it is among the missing effects, and nothing is unexplained
+    parameters: dict[str, Interval]   # by name; for a believed one, its new value
     sentence: str                     # for people
     stage: str                        # sensing | launch | flight | arrival
-    believed: float | None = None     # the one parameter's value in the belief, where a change of it is tested
-    change: Interval | UnsetType = UNSET           # of that parameter since the belief; absent where none is tested
+    believed: float | None = None     # the parameter's value in the belief, if a change of it is tested
+    change: Interval | UnsetType = UNSET           # of that parameter since the belief; absent if none is tested
 
     @property
     def size(self) -> Interval:
@@ -127,7 +127,7 @@ class Unknown(Struct, frozen=True, omit_defaults=True):
     direction: str                    # along | lateral | vertical
     amplitude: float                  # over the covariate's range, in `unit`
     unit: str                         # of `amplitude`
-    low90: float | None = None        # lower end of the 90 % interval of `amplitude`, the shape taken as found
+    low90: float | None = None        # lower end of the 90 % interval of `amplitude`, given the shape
     high90: float | None = None       # upper end
 
 
@@ -144,7 +144,7 @@ class FoundEffect(Struct, frozen=True):
 class FitSummary(Struct, frozen=True):
     """Figures on hold-out shots, before and after the free correction."""
 
-    heldout_shots: int                # shots that were held out
+    heldout_shots: int                # number of hold-out shots
     log_score_before: float           # nats of all of them
     log_score_after: float | None     # nats of all of them
     gain_per_shot: float | None       # nats
@@ -154,7 +154,7 @@ class FitSummary(Struct, frozen=True):
     accuracy_before: float | None     # share of outcomes forecast right
     accuracy_after: float | None      # share of outcomes forecast right
     height_at: str = "plane"          # or "track end": forecast from the first 40 % of the track
-    side_rmse_before_m: float | UnsetType = UNSET  # of y at the track's end, where a name pushes to the side
+    side_rmse_before_m: float | UnsetType = UNSET  # of y at the track's end, if a name acts sideways
     side_rmse_after_m: float | UnsetType = UNSET   # of y at the track's end
 
 
@@ -162,13 +162,13 @@ class Adoption(Struct, frozen=True):
     """Value of the finding on hold-out shots, in points, and whether it is adopted."""
 
     shots: int                        # with an outcome or a height
-    threshold: float                  # of P(three), from which the gate fires
-    aimed_before: float               # points per ball, had every shot been aimed by what was believed
-    aimed_after: float                # by what was found
-    fired_before: float               # share of the shots as made that the gate of what was believed lets through
-    fired_after: float                # of what was found
-    scored_before: float | None       # points per ball of these; null: it lets none through
-    scored_after: float | None        # of what was found
+    threshold: float                  # P(three) from which the gate fires
+    aimed_before: float               # points per ball if all shots were aimed with the old belief
+    aimed_after: float                # with the new belief
+    fired_before: float               # share of the actual shots that the gate of the old belief passes
+    fired_after: float                # of the new belief
+    scored_before: float | None       # points per ball of these; null: it passes none
+    scored_after: float | None        # of the new belief
     gain: float                       # points per shot, aim and gate together
     low90: float                      # lower end of the 90 % interval over hold-out shots
     high90: float                     # upper end
@@ -178,20 +178,20 @@ class Adoption(Struct, frozen=True):
 class FindingRecord(Struct, frozen=True):
     """Every figure of a finding, as its JSON file has it."""
 
-    data: DataSummary                 # what was looked at
+    data: DataSummary                 # the data
     mismatch: Mismatch                # whether simulation and data differ
     where: Where                      # location of the mismatch
     verdict: str                      # named | set | unknown | none
     sentence: str                     # for people
-    unknown: Unknown | None           # where no candidate term is it
-    fit: FitSummary | None            # worth of the correction on held-out shots
+    unknown: Unknown | None           # if no candidate term explains the effect
+    fit: FitSummary | None            # value of the correction on hold-out shots
     schema: str = SCHEMA              # truearc.finding/1
     what: tuple[Named, ...] = ()      # candidate terms, most probable first
-    set: tuple[str, ...] | None = None # terms that these data cannot tell apart; null: one stands alone
+    set: tuple[str, ...] | None = None # terms that these data cannot distinguish; null: a single name
     next: tuple[dict[str, Any], ...] = () # shots or measurements to make next, as in truearc.design/1
     also: tuple[FoundEffect, ...] = ()    # further effects, in the order in which they were found
-    unexplained: float | UnsetType = UNSET         # probability of an effect of no term, alone or beside a term
-    adoption: Adoption | UnsetType = UNSET         # absent where nothing was found, or no target tells points
+    unexplained: float | UnsetType = UNSET         # probability of an effect outside the catalogue
+    adoption: Adoption | UnsetType = UNSET         # absent if nothing was found, or without a target
     tracker: FoundEffect | UnsetType = UNSET       # errors of its calibration, or changes since `since`
     withheld: str | UnsetType = UNSET              # why an effect that a term explains has no name
 
@@ -220,7 +220,7 @@ PROPOSAL_SCHEMA = "truearc.proposal/1"
 class BeliefFile(Struct, frozen=True):
     """A belief and the file that holds it."""
 
-    file: str                         # its path, as given; beside the proposal where it has no folder
+    file: str                         # its path as given; relative to the proposal if it has no folder
     sha256: str                       # of the file's bytes
 
 
@@ -228,13 +228,13 @@ class ProposedEffect(Struct, frozen=True):
     """One effect that the proposed belief has and the previous one did not."""
 
     term: str                         # name in docs/reference/terms.md
-    probability: float                # that it is this term, of all candidates and an unknown one
+    probability: float                # of this term among all candidates and an unknown effect
     value: float                      # in `unit`
     low90: float                      # lower end of the 90 % interval
     high90: float                     # upper end
     unit: str                         # as in docs/reference/terms.md; 1: a share
     sentence: str                     # for people
-    change: Interval | UnsetType = UNSET           # of a believed number, whose new value `value` is
+    change: Interval | UnsetType = UNSET           # change of a believed number; `value` is its new value
 
 
 class SetPointChange(Struct, frozen=True):
@@ -256,12 +256,12 @@ class AimProposal(Struct, frozen=True):
     t: str | None                     # when it was made, ISO 8601, UTC
     sentence: str                     # for people, one line
     effects: tuple[ProposedEffect, ...]            # likeliest first
-    since_shot: str                   # shot_id from which on the change is likeliest
+    since_shot: str                   # shot_id of the likeliest beginning of the change
     since_number: int                 # the same, counted from 1 among the marked shots that were followed
     alarm_shot: str                   # shot_id of the alarm
     shots: int                        # marked shots that were followed
     e_value: float                    # largest so far; an alarm from 1 / false_alarm on
-    false_alarm: float                # probability of an alarm where nothing changes
+    false_alarm: float                # probability of an alarm if nothing changes
     before: BeliefFile                # belief that was followed
     after: BeliefFile                 # proposed belief
     rows: tuple[SetPointChange, ...]  # by distance

@@ -2,9 +2,9 @@
 
 The efficient information of a term is I_ee - I_en I_nn^-1 I_ne, the part that the fitted coefficients, scatters and
 random effects cannot absorb. The term's score is normal with that variance, and an effect shifts the score by its size
-times the information. An effect is detected if its score exceeds a simulated threshold. When no effect is present, the
-largest score over all terms exceeds this threshold at the share of the false-alarm rate that discovery allots to terms.
-Information grows with the number of shots.
+times the information. An effect is detected if its score exceeds a simulated threshold. Without any effect, the
+probability that the largest score over all terms exceeds it is the part of the false-alarm rate that discovery allots
+to terms. Information grows with the number of shots.
 
 A planned season consists of configurations that reach the target under the belief, together with the kinds of data to
 be recorded. Its outcomes do not matter, because only the expected information is computed from it.

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import softmax
 
-from truearc.robot.config.shot_map import CONVERTED
+from truearc.robot.config.units import CONVERTED
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.discover.decide import Step

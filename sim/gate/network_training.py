@@ -1,4 +1,8 @@
-"""Training of the paper's classifier on recorded and simulated shots, and its evaluation on recorded ones."""
+"""Training of the paper's network on recorded and simulated shots; sim/gate/train.py trains the physics-informed gate.
+
+The record of a trained network includes the gate's novelty. This module is in sim/gate because sim/paper, which has the
+network itself, must not import sim/gate.
+"""
 
 from dataclasses import dataclass
 from importlib.metadata import version

@@ -1,11 +1,12 @@
-"""Room for what the model gets wrong: smooth curves of launch and flight, of the sizes that the shots speak for.
+"""Room for the smooth errors of a model: curves of launch and flight, whose sizes are estimated from the shots.
 
-Every model of a launcher is a little wrong, and smoothly so: balls leave steeper at slow wheels, drag is not quite
-quadratic. Fitted without room for that, coefficients take its place, and a later change is measured with their wrong
-slopes (Kennedy and O'Hagan 2001). Each curve of ROOM therefore has, over distance, hood and speed, a constant and
-smooth shapes (truearc.sim.infer.belief.smooth), normal about 0. In units in which its constant moves heights by UNIT_M,
-their standard deviation is estimated by EM (Dempster et al. 1977) from a prior of PRIOR_M that counts as much as WEIGHT
-points. It is never 0. The points are numbers of the fit like any other, so a belief holds them with their covariance.
+Every model of a launcher is slightly wrong, and smoothly so: for example, balls leave steeper at slow wheels, or drag
+is not quite quadratic. In a fit without room for such errors, the coefficients absorb them, and later changes are
+measured with wrong slopes (Kennedy and O'Hagan 2001). Each curve of ROOM therefore has a constant and smooth shapes
+over distance, hood and speed (truearc.sim.infer.belief.smooth), normally distributed about 0. They are in units in
+which the constant moves heights by UNIT_M. Their standard deviation is estimated by EM (Dempster et al. 1977) from a
+prior of PRIOR_M that counts as much as WEIGHT points, and it is never 0. The points are parameters of the fit like any
+other, so a belief holds them with their covariance.
 """
 
 from collections.abc import Mapping

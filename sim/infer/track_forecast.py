@@ -1,9 +1,9 @@
-"""Forecasts of tracks under a belief: where a ball will be, from its settings or the first part of its flight.
+"""Forecasts of tracks under a belief: the ball's position over time, from its settings or the first part of its flight.
 
-A flight is linear enough in numbers that all flights share (the belief's, a tracker's errors) and in the ball's own
-deviations from its configuration; all have normal priors. What was seen of the flights (samples, measured exits) makes
-them a normal posterior, and that a place with its standard deviation at every time. Flights are flown again at their
-most likely deviations until these stay.
+A flight is approximately linear in the parameters that all flights share (those of the belief, errors of the tracker)
+and in the ball's deviations from its configuration. All have normal priors. The observations of the flights (samples,
+measured exits) turn these into a normal posterior, which gives a position with its standard deviation at every time.
+Flights are simulated again at their most likely deviations until these converge.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Training of the paper's network on pairs of recorded and simulated minibatches (III-D, Eq. 15).
+"""Compiled, parallel training of many of the paper's networks on recorded and simulated minibatches (III-D, Eq. 15).
 
 This module makes the choices that the paper leaves open. Features are standardised with the mean and standard deviation
 of the recorded training rows; the cross-entropies of the two outputs are summed and averaged over the ten rows.
@@ -11,9 +11,8 @@ of the rest for validation): held-out cross-entropy is 0.857 +- 0.026 with these
 Without stopping, validation cross-entropy is 0.90 after 200 000 steps and 1.23 after 2 million: the network memorises
 its hundred shots.
 
-A compiled loop trains one network, so several networks can train in parallel threads. The gradient is written out by
-hand; tests compare it with NumPy and JAX. The parameters [50] are laid out as hidden_w (feature by feature, 8 nodes
-each), hidden_b, out_w (node by node, 2 outputs each), out_b.
+One thread trains one network. The gradient is written out by hand; tests compare it with NumPy and JAX. The parameters
+[50] are laid out as hidden_w (feature by feature, 8 nodes each), hidden_b, out_w (node by node, 2 outputs each), out_b.
 """
 
 import math

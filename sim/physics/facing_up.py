@@ -1,13 +1,13 @@
-"""Openings that face up: where the ball comes down through the plane of the rim, and whether that is a hit.
+"""Openings that face up: where the ball comes down through the plane of the rim, and whether it goes in.
 
-The plane goes through the opening's centre; its normal leans back by target.tilt_deg, about the axis across. A landing
-is the last time that the ball's centre goes down through it, given in the plane: along (away from the launcher) and
-across (to the left) from the centre, and the angle below the plane at which the ball arrives. A ball that meets the
-backboard above the rim bounces: its speed into the board returns as the share `bounce`, and friction stops the slip of
-its surface, as for a solid ball that grips (Garwin 1969; Cross 2002). Whether it goes in is a matter of its size: it
-clears the near edge, where its path there is a straight line, if (along + half) sin(angle) >= radius; at the other
-edges its centre must be inside, since a ball that touches the inner wall below the rim usually goes in.
-docs/reference/dataset.md has the keys.
+The plane goes through the opening's centre; its normal leans back by target.tilt_deg about the axis across. A landing
+is the last downward passage of the ball's centre through the plane. It is given relative to the opening's centre:
+along (away from the launcher), across (to the left), and the angle of arrival below the plane. A ball that meets the
+backboard above the rim bounces. It keeps the share `bounce` of its speed into the board, and friction stops the slip of
+its surface, as for a solid ball that grips (Garwin 1969; Cross 2002). The size of the ball decides whether it goes in.
+Its path near the rim is taken as a straight line, and it clears the near edge if (along + half) sin(angle) >= radius.
+At the other edges its centre must be inside, since a ball that touches the inner wall below the rim usually goes in.
+docs/reference/dataset.md describes the keys.
 """
 
 import math

@@ -2,10 +2,10 @@
 
     effort = ks(direction) + kv w + kq w |w| + ka dw/dt
 
-The effort is constant between its changes, and the speed is read `delay` late. The data of a fit are an effort over
-time and the resulting speeds. They are cut into pieces of motion in one direction, within which the law and its slopes
-are smooth. Least squares compares trajectories, never derivatives of measured values; every piece has its own starting
-speed, so that a disturbance of one piece does not affect the next.
+The effort is piecewise constant, and speed readings lag by `delay`. The data of a fit are an effort over time and the
+resulting speeds. They are cut into pieces of motion in one direction, within which the law and its slopes are smooth.
+Least squares compares trajectories, never derivatives of measured values; every piece has its own starting speed, so
+that a disturbance in one piece does not affect the next.
 """
 
 from collections.abc import Sequence

@@ -1,10 +1,10 @@
-"""The playing field: position and motion of the robot, the camera's view, and the flight of a ball to the goal.
+"""The playing field: the robot's position and motion, the camera's view, and the flight of a ball and its score.
 
 The nip frame is aligned with the launch. The launcher frame has x horizontal out of the muzzle, y left, z up, and its
 origin on the floor below the exit point. The field frame has x towards the target with x = 0 in the target plane, y
 left and z up. MuJoCo's fluid forces determine the flight until the ball crosses the target plane or hits the floor. Air
 may vary along the flight: for example, wind that blows only above some height, or a drag coefficient that steps with
-speed. Neither applies between the wheels.
+speed. Neither applies between the wheels. `classify` gives the outcome in the target plane; BallResult records a ball.
 """
 
 import math

@@ -147,7 +147,7 @@ def test_what_others_say_of_the_same_world_is_marked_by_the_same_rule() -> None:
     assert told.rivals == {"gp": (True, False, False), "argmax": (True, False, True), "boosted": (False, False, False)}
     clean = mark(Drawn("w6", "numpy", "clean", "L2", 300, 1), finding(found=False, verdict="none"), Measured(), claims)
     assert clean.rivals["argmax"] == (True, None, None)
-    (table,) = [one for one in make_tables([told, clean]) if "Beside others" in one.title]
+    (table,) = [one for one in make_tables([told, clean]) if "Rivals" in one.title]
     rows = {row[0]: row[1:] for row in table.rows}
     assert rows["truearc"][0].startswith("0/1") and rows["truearc"][2].startswith("1/1")
     assert rows["argmax"][0].startswith("1/1") and rows["argmax"][2].startswith("0/1")

@@ -366,13 +366,13 @@ def keys_in(limit: Limit) -> set[str]:
 
 
 @pytest.mark.parametrize(("key", "value", "said"), [
-    ("flywheel.pid.kp", 1000.0, "1000 is out of range (0 to 1.2 = flywheel.pid.output_high); above, all torque"),
+    ("flywheel.pid.kp", 1000.0, "1000 is out of range (0 to 1.2 = flywheel.pid.output_high); above, full torque"),
     ("hood.homing_torque_nm", -10.0, "-10 is out of range (-0.15 = 0.5 * hood.pid.output_low to -0.02 = -1 * "
      "hood.friction_nm); below, the hood meets its stop too hard"),
     ("flywheel.pid.output_high", 100.0, "100 is out of range (0.01 to 10); below, nothing turns; above, the motor"),
     ("gate.reading_age_s", 10.0, "10 is out of range (0.01 = 2 / tick_hz to 0.15)"),
     ("flywheel.steady_s", 0.0, "0 is out of range (0.01 = 2 / tick_hz to 2)"),
-    ("gate.threshold", 0.0, "0 is out of range (0.01 to 0.99); below, the model cannot say no"),
+    ("gate.threshold", 0.0, "0 is out of range (0.01 to 0.99); below, the model never prevents a shot"),
     ("feeder.torque_nm", 50.0, "50 is out of range (0.005 to 10)"),
     ("feeder.clear_s", 0.2, "0.2 is out of range (0.25 = feeder.feed_s to 10); below, two balls are fed")])
 def test_what_was_accepted_once(key: str, value: float, said: str, place: Path) -> None:

@@ -17,8 +17,8 @@ from truearc.model_export.verify import HEADER as RATING_COLUMNS
 from truearc.model_export.verify import rate_shots
 from truearc.robot.aim_file import check_rig, load_aim
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import CONVERTED
 from truearc.robot.config.targets import refuse_up
+from truearc.robot.config.units import CONVERTED
 from truearc.robot.gate import load_gate
 from truearc.sim.aim.make_table import (
     RPM,

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import truearc as ta
 from truearc.cli import common
 from truearc.errors import about, load_bytes, naming, save_whole
-from truearc.robot.config.shot_map import CONVERTED
+from truearc.robot.config.units import CONVERTED
 from truearc.sim.discover.finding import FALSE_ALARM, check_chances
 
 if TYPE_CHECKING:

@@ -69,7 +69,7 @@ def for_tracks(rig: str) -> str:
 
 def in_units(units: list[str]) -> list[str]:
     """Return the columns of shots.csv in these units; InputError for a unit that none of them can be in."""
-    from truearc.robot.config.shot_map import CONVERTED
+    from truearc.robot.config.units import CONVERTED
     columns = list(COLUMNS)
     for unit in units:
         read = next((read for read in ("m", "deg") if unit in (read, *CONVERTED[read])), None)

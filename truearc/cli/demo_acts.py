@@ -1,7 +1,7 @@
 """The acts of the demo and their page: a robot practises or meets a changed world, learns and aims again.
 
-Balls are shot in seasons (truearc.sim.world.world) of the emulated robot's world, without buses or images. An act is a
-pure function of the robot, the seed and the effect; `truearc demo` presents it, and `python -m benchmarks.demo_seeds`
+An act simulates seasons (truearc.sim.world.world) in the emulated robot's world, without buses or images. It is a pure
+function of the robot, the seed and the effect; `truearc demo` presents it, and `python -m benchmarks.demo_seeds`
 repeats it over seeds. Each seed has its own block of 1,000 world seeds.
 """
 

@@ -1,1 +1,1 @@
-"""A made-up motor controller on CAN, as a motor family of truearc."""
+"""A fictitious motor controller on CAN, as a motor family of truearc."""

@@ -1,4 +1,7 @@
-"""The emulated sample motor: reports at its rates, and lets go when no duty has come for its watchdog's time."""
+"""The emulated sample motor.
+
+It sends its reports at their rates and goes limp if no duty arrives within its watchdog timeout.
+"""
 
 from truearc.hw.codec import Values
 from truearc.hw.devices.family import AttachedMotor

@@ -1,4 +1,4 @@
-"""Everything that truearc asks of the sample motor."""
+"""The MotorFamily of the sample motor, which declares everything that truearc needs to know about it."""
 
 from collections.abc import Iterator, Sequence
 
@@ -78,7 +78,7 @@ def examine(axis: SampleAxis, check: AxisCheck, heard: Heard) -> Iterator[Findin
         yield failure(status, f"has firmware {values['firmware']:.0f}", f"update it to {frames.FIRMWARE}")
     elif faults := frames.errors_of(int(values["faults"])):
         yield warning(status, ", ".join(fault.code for fault in faults),
-                      "arming clears what does not stand; what comes back has a cause")
+                      "arming clears faults that have ended; one that returns has a cause")
     else:
         yield ok(status, f"firmware {frames.FIRMWARE}, no fault")
 

@@ -1,7 +1,7 @@
-"""Frames of the sample motor: what is sent to it, and what the frames that come back say. No IO.
+"""The frames of the sample motor: encoding of commands and decoding of reports. No I/O.
 
-An arbitration id is 11 bits: that of node 0 plus the node. On the wire positions are revolutions of the motor shaft;
-here they are radians, and the axis's `direction` has been applied.
+An arbitration id has 11 bits: the id for node 0 plus the node. On the wire, positions are revolutions of the motor
+shaft; here they are radians, and the axis's `direction` has been applied.
 """
 
 import math

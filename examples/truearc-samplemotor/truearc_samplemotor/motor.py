@@ -1,4 +1,7 @@
-"""The sample motor as a Motor: torques become duties; it drives only on fresh readings without a fault."""
+"""The sample motor's driver, an implementation of Motor that converts torques to duties.
+
+It drives the motor only with fresh readings and without a fault.
+"""
 
 from truearc.hw.devices.drivers import OWN_LAG_S, Agreement, DcMotor, duty_for, torque_of
 from truearc.hw.protocols import Frame, MotorReading, Order

@@ -1,4 +1,4 @@
-"""What can be wrong with a sample motor alone: log text, and what the operator's page says."""
+"""The reasons that only a sample motor can have: their texts in the log and on the operator page."""
 
 from truearc.hw.reason import FAULT, Code, Message
 

@@ -35,10 +35,11 @@ FEED_NS = 4_000_000
 
 
 class OdriveMotor(drivers.AskedMotor):
-    """A Motor driven by torques. Its errors stand until it is commanded again: arming is the operator's re-arm.
+    """A Motor driven by torques.
 
-    When released, or while its readings arrive too late, it is ordered to give no torque and to go idle, whatever state
-    it reports. limits: its own, set before it is driven (odrive.make_limits); none if they are unknown.
+    Errors persist until the motor is commanded again, so the operator clears them by arming. When released, or while
+    its readings arrive too late, it is ordered to give no torque and to go idle, whatever state it reports.
+    limits: its own, set before it is driven (odrive.make_limits); none if they are unknown.
     """
 
     def __init__(self, axis: OdriveAxis, limits: Frame | None = None) -> None:
@@ -93,7 +94,7 @@ class OdriveMotor(drivers.AskedMotor):
         return (odrive.make_torque(self._axis, torque_nm),)
 
 
-PULSE_NS = 100 * NS_PER_MS            # heartbeat: how often an axis says how it is; its maker's own setting
+PULSE_NS = 100 * NS_PER_MS            # heartbeat: its default period
 
 
 def make_rules(axis: OdriveAxis, each_tick: int) -> Rules:
@@ -152,7 +153,7 @@ BANDWIDTH = "axis0.config.encoder_bandwidth"
 ASKED = (WATCHDOG_ON, WATCHDOG_S, BANDWIDTH)
 LONGEST_S = 0.5                       # that a motor may go on after the robot has fallen silent
 SHORTEST_S = 0.05                     # the robot feeds it each tick, but may stall
-NOT_ASKED = "watchdog and encoder filter are not asked for: no table of parameters was given"
+NOT_ASKED = "watchdog and encoder filter are not read: no table of parameters was given"
 GIVE = "give its firmware's flat_endpoints.json to --endpoints"
 
 
@@ -190,7 +191,7 @@ def check_firmware(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     try:
         firmware = odrive.parse_version(axis, answers[0])
     except BadFrame as error:
-        return failure(check, f"answers what cannot be read ({error})", "is it an ODrive with firmware 0.6?")
+        return failure(check, f"sends an unreadable answer ({error})", "is it an ODrive with firmware 0.6?")
     version = ".".join(map(str, firmware))
     if firmware[:2] != FIRMWARE:
         return failure(check, f"has firmware {version}; its frames differ from 0.6's", "flash it with 0.6")
@@ -232,13 +233,13 @@ def check_errors(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     keys = [(frame_id, False) for frame_id in odrive.frame_ids(axis)]
     reading, refused = heard.read(keys, partial(odrive.parse, axis), MotorReading())
     if refused:
-        return failure(check, f"sends what cannot be ({refused[-1]})",
+        return failure(check, f"sends impossible values ({refused[-1]})",
                        "look at the wiring and at whether another device has its node id")
     if reading.axis_error:
         return warning(check, reason.listed(odrive.errors_of(reading.axis_error), fault_codes.BY_NAME),
                        "arming clears errors; one that comes back has a cause")
     if reading.heartbeat_t_ns == 0:
-        return failure(check, "no heartbeat says how it is", "set the axis's heartbeat to 100 ms")
+        return failure(check, "no heartbeat arrives", "set the axis's heartbeat to 100 ms")
     return ok(check, "none")
 
 
@@ -247,9 +248,9 @@ def check_switch(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     check = f"{name}, limit switch"
     reading, _ = heard.read([(odrive.frame_id(axis, "TxSdo"), False)], partial(odrive.parse, axis), MotorReading())
     if reading.endstop_t_ns == 0:
-        return failure(check, f"is not told: no answer for parameter {axis.endstop_endpoint}",
+        return failure(check, f"is not reported: no answer for parameter {axis.endstop_endpoint}",
                        "see that endstop_endpoint is that of its own firmware; without it the hood is never homed")
-    return ok(check, f"told as {'closed' if reading.endstop else 'open'}; whether it closes and opens, --move tells")
+    return ok(check, f"reported as {'closed' if reading.endstop else 'open'}; --move tests it")
 
 
 def parse_endpoints(text: str) -> family.Endpoints:

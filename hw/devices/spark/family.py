@@ -21,7 +21,7 @@ from truearc.hw.fault_codes import BY_NAME
 from truearc.hw.protocols import NS_PER_MS, AngleReading, BadFrame, Frame, MotorReading
 from truearc.hw.reason import Reason, listed
 
-PULSE_NS = 10 * NS_PER_MS             # STATUS_0: how often a device says how it is; its maker's own setting
+PULSE_NS = 10 * NS_PER_MS             # STATUS_0: its default period
 
 
 def make_rules(axis: spark.SparkAxis, each_tick: int) -> Rules:
@@ -63,7 +63,7 @@ def check_firmware(name: str, axis: SparkAxis, heard: Heard) -> Finding:
     try:
         version = spark.parse_version(axis, answers[0])
     except BadFrame as error:
-        return failure(check, f"answers what cannot be read ({error})", "is it a SPARK MAX or Flex?")
+        return failure(check, f"sends an unreadable answer ({error})", "is it a SPARK MAX or Flex?")
     said = ".".join(map(str, version))
     if not spark.OLDEST_FIRMWARE <= version[0] <= spark.NEWEST_FIRMWARE:
         return failure(check, f"has firmware {said}; its frames are not known to be those of "
@@ -77,14 +77,15 @@ def check_status(name: str, axis: SparkAxis, heard: Heard) -> Finding:
     keys = [(frame_id, True) for frame_id in spark.frame_ids(axis)]
     reading, refused = heard.read(keys, partial(spark.parse, axis), MotorReading())
     if refused:
-        return failure(check, f"sends what cannot be ({refused[0]})",
+        return failure(check, f"sends impossible values ({refused[0]})",
                        "look at the wiring and at whether another device has its CAN id")
     if not any(heard.of(*key) for key in keys):
         return failure(check, f"device {axis.device} is silent", LOOK)
     if errors := spark.errors_of(reading.axis_error & spark.FAULTS):
-        return warning(check, listed(errors, BY_NAME), "arming clears what does not stand; what comes back has a cause")
+        return warning(check, listed(errors, BY_NAME),
+                       "arming clears faults that have ended; one that returns has a cause")
     switch = f"; its limit switch is {'closed' if reading.endstop else 'open'}" if axis.has_endstop else ""
-    return ok(check, f"speaks, and has no fault that it tells of{switch}")
+    return ok(check, f"active, no fault reported{switch}")
 
 
 class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True, omit_defaults=True,
@@ -204,7 +205,7 @@ def examine_encoder(table: SparkEncoderConfig, around: family.Around, heard: fam
     start: AngleReading | None = None
     reading, refused = heard.read(ids, partial(spark.parse_angle, axis), start)
     if refused:
-        yield failure(family.CHECK, f"sends what cannot be ({refused[0]})", "is its conversion factor 1?")
+        yield failure(family.CHECK, f"sends impossible values ({refused[0]})", "is its conversion factor 1?")
     elif reading is None and not table.period_ms:
         yield failure(family.CHECK, f"device {table.device} does not report it",
                       "have its controller turn status 5 and 6 on")

@@ -14,7 +14,7 @@ from truearc.cli.common import refuse
 from truearc_proof.rivals import RIVALS
 
 GROUP = "proof"
-SUMMARY = "concealed worlds, sealed before and opened after"
+SUMMARY = "test discovery on concealed worlds with sealed truth"
 EXAMPLE = "truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy --out round/"
 DEFAULTS = {"worlds": 60, "level": "L1", "shots": 300, "engines": "foreign,numpy,mujoco", "solve": 0}
 DRAWN = ("--worlds", "--level", "--shots", "--engines", "--seed", "--seed-from-entropy")

@@ -16,7 +16,7 @@ from truearc_proof.reproduce import QUICK_DRAWS, Settings, quick
 
 MARK = ".truearc-reproduce"           # a folder with this in it was made by us and may be gone on with
 GROUP = "proof"
-SUMMARY = "the paper's tables and figures beside ours"
+SUMMARY = "reproduce the paper's tables and figures"
 EXAMPLE = "truearc reproduce -o reproduction --quick"
 
 

@@ -1,4 +1,4 @@
-"""Helpers for reading original public files, such as numbers in program text, and for naming parts of a file."""
+"""Helpers for importers: readers of original public files, such as numbers in program text, and names of file parts."""
 
 import json
 import math

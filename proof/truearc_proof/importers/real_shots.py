@@ -1,4 +1,4 @@
-"""Importers of single real shots: a team's log with outcomes, and exit speeds by phone clips.
+"""Importers of individually recorded shots: a team's log with outcomes, and exit speeds measured from phone clips.
 
 proof/IMPORTERS.md describes the columns, their origin, and the assumptions about each robot.
 """

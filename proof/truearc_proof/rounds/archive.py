@@ -1,8 +1,8 @@
 """The archive of a finished round in one file, without its data, which the opened seals reproduce byte for byte.
 
-First claims are recomputed from the released data alone, and must earn the same marks, which shows that they do not use
+First claims are recomputed from the released data alone and must earn the same marks, which shows that they do not use
 the truth. Only the same solver, identified by its hash, makes the same claims. The claims of rivals are not recomputed,
-and what older rounds have of further shots is not looked at.
+and further shots in older rounds are ignored.
 
 In two gradings of one world, the claims, the truth and the correctness must be identical, and numbers computed from the
 data must agree within the precision of different machines. The grader's own numbers (the ceiling that the data allow)

@@ -26,7 +26,7 @@ def make_tables(marks: Sequence[Mark]) -> list[Table]:
     False alarms, correct answers, the targets of the posterior, and rivals. Foreign worlds come first.
     """
     tables = [_alarms(marks), _right(marks),
-              Table("Against the targets of the posterior", ("figure", "here", "wanted", ""),
+              Table("Targets of the posterior", ("figure", "result", "target", ""),
                     posterior_rows(marks) if len({one.level for one in marks}) == 1 else []),
               _rivals(marks)]
     return [one for one in tables if one.rows]
@@ -106,9 +106,9 @@ def _rivals(marks: Sequence[Mark]) -> Table:
         hidden = [answer for one, answer in answers if one.kind not in NULLS]
         rows.append([name, said(sum(nulls), len(nulls)), *(said(*yes_of([answer[k] for answer in hidden]))
                                                           for k in range(3))])
-    return Table("Beside others, in the same worlds (with tracks)", (
-        "", "says something though nothing is missing", "says something where something is hidden",
-        "first name right, of all with a name to be found", "up to alias"), rows)
+    return Table("Rivals in the same worlds (with tracks)", (
+        "", "false alarms", "hidden effects detected",
+        "first name right, if the catalogue has a right one", "up to alias"), rows)
 
 
 def _ours(one: Mark) -> tuple[bool, bool | None, bool | None]:
@@ -229,7 +229,7 @@ def _wanted(wanted: tuple[float, float] | None) -> str:
 
 def _reached(figure: ProofFigure, wanted: tuple[float, float] | None) -> str:
     if figure.value is None or figure.low is None or figure.high is None:
-        return "no world of these rounds says"
+        return "no world for it in these rounds"
     if wanted is None:
         return "no target"
     if wanted[0] <= figure.value <= wanted[1]:

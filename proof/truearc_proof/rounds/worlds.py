@@ -1,27 +1,27 @@
-"""Worlds of a round: the draw from a single number, and the released data.
+"""The worlds of a round: their draw from a single number, and their released data.
 
-Shares follow the design; sizes follow a ladder in lambda, the detectability of the effect in such data
-(proof/truearc_proof/truth/ladder.toml), instead of a judged usual size. Nothing here comes from truearc.sim.physics.
+The proportions of the kinds are those of the design. The size of an effect follows from lambda, its detectability in
+such data (proof/truearc_proof/truth/ladder.toml), and not from a judgement of its usual size. Nothing here comes from
+truearc.sim.physics.
 
-Foreign worlds are of the NumPy engine with several small errors of what is believed, the same in a practice, which lies
-in the folder `home` of the data, and in the event, before which one thing has changed or none. Errors follow from the
-seed (truearc_proof.truth.world); `effects` is the change alone.
+Foreign worlds use the NumPy engine with several small errors of the believed physics. The errors are the same in a
+practice session, which is released in the folder `home`, and in the event, before which one thing or nothing has
+changed. They follow from the seed (truearc_proof.truth.world); `effects` contains only the change.
 
-Concealed changes of the MuJoCo world have one or more correct names in the catalogue.
+In the MuJoCo world, a concealed change has one or more correct names in the catalogue. The physics of this world
+differs from that of the catalogue: a softer ball leaves slower, lower and with different spin. Several names may
+therefore be right for one change, and for some changes only the stage is.
 
-The law of this world is not the catalogue's: a softer ball leaves slower, lower and with different spin, so several
-names may be right for one change, and for some changes only the stage is.
-
-The data of a MuJoCo world may differ in quality from those at home or from rig.toml, which is not a change:
-
-Names shared with the NumPy engine mean the same: noise_understated (rig.toml states half of the noise), outliers (2 %
-of outcomes are recorded as another, tracks have Student's t noise with 3 degrees of freedom), missing_frames (a quarter
-of a track), battery_with_wear (a voltage without effect that falls as balls wear). scatter: balls, and shots of a ball,
-vary 1.25 times as much; lopsided: practice only from far away. No kind overstates noise, since rig.toml already does.
+The data of a MuJoCo world may be worse than those of its session at home or than rig.toml states. This is not a change.
+The kinds shared with the NumPy engine are noise_understated (rig.toml states half of the noise), outliers (2 % of
+outcomes are recorded as another, and tracks have Student's t noise with 3 degrees of freedom), missing_frames (a
+quarter of a track) and battery_with_wear (a voltage without effect that falls as balls wear). In addition, scatter
+makes balls, and shots of a ball, vary 1.25 times as much, and lopsided restricts practice to long distances. No kind
+overstates the noise, because rig.toml already does.
 
 Only scatter and battery affect the mean flight, as measured in 300 shots. More scatter lowers the mean height by 7 mm,
-less than its standard error of 11 mm (1.4 times as much: 12 mm). The battery moves heights by 3 mm RMS, along its fall
-by 7 mm, compared with a scatter of shots of 150 mm.
+less than its standard error of 11 mm (1.4 times as much scatter: 12 mm). The battery moves heights by 3 mm RMS, and by
+7 mm along its fall, compared with a scatter of shots of 150 mm.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Builds the finding of an investigation, in the format truearc.finding/1."""
+"""Construction of the finding of an investigation, in the format truearc.finding/1."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""Ranks candidate terms: one step for all, true refits of the likely ones, and measurements of their amplitudes.
+"""The ranking of candidate terms: one step for all terms, true refits of the likely ones, and estimates of their sizes.
 
 Every term has a normal prior on its amplitude, scaled to the usual size of such effects. A term that would have to be
 absurdly large to explain the data thus loses to a smaller one, and a term cannot win beyond its permitted range.
@@ -25,10 +25,10 @@ from truearc.sim.physics.catalogue import Catalogue, find_parameter, find_terms
 from truearc.sim.physics.term import from_scale, to_scale
 from truearc.sim.printed import Progress
 
-# Measured at L1 (seed 701), with ranges and sides of the terms: wrong single names 1 of 16 instead of 3, truth in the
-# set .93 instead of .87 of 61 (git show archive-1:archive/measurements.md)
-TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # of a term's amplitude, by the usual one
-PLACES = 801                          # at which its density is evaluated
+# Measured at L1 (seed 701), with the ranges and signs of the terms: 1 of 16 single names wrong instead of 3, and the
+# truth in the set in .93 instead of .87 of 61 (git show archive-1:archive/measurements.md)
+TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # possible sizes of a term's amplitude, in usual sizes
+PLACES = 801                          # points at which its density is evaluated
 
 
 def nats_measured(measured: Measured, column: str, amplitude: float, sd: float) -> float:
@@ -45,8 +45,8 @@ def nats_measured(measured: Measured, column: str, amplitude: float, sd: float) 
 
 
 def nats_in_range(fitted: LauncherFit, name: str, amplitude: float, sd: float, usual: float) -> float:
-    """Return nats by which the amplitude's own prior differs from the normal one used for its evidence: the parameter's
-    range, the sign that nature prefers, and the size that a law of physics gives."""
+    """Return the change of the log evidence, in nats, when the amplitude's own prior replaces the normal one: the
+    parameter's range, its likelier sign, and the size that a law of physics gives."""
     ends = _ends(fitted, name)
     if ndtr((ends[1] - amplitude) / sd) - ndtr((ends[0] - amplitude) / sd) < 1e-12:
         own = ndtr(ends[1] / usual) - ndtr(ends[0] / usual)
@@ -56,8 +56,10 @@ def nats_in_range(fitted: LauncherFit, name: str, amplitude: float, sd: float, u
 
 
 class Size(NamedTuple):
-    """An amplitude with its standard deviation, under the normal prior of the usual size, and how likely it is to be
-    that one; several, by what else is there."""
+    """An amplitude with its standard deviation under the normal prior of the usual size, and its probability.
+
+    A name has several sizes, which depend on the other effects in a hypothesis.
+    """
 
     amplitude: float
     sd: float
@@ -70,8 +72,10 @@ def sizes_of(found: LauncherFit) -> tuple[Size, ...]:
 
 
 def posterior_amplitude(fitted: LauncherFit, name: str, sizes: Sequence[Size]) -> tuple[float, float, float, float]:
-    """Return mean, standard deviation and ends of the 90 % interval of an amplitude, under its own prior, which
-    replaces the normal one, and over all its sizes."""
+    """Return mean, standard deviation and ends of the 90 % interval of an amplitude, mixed over all its sizes.
+
+    The amplitude's own prior replaces the normal one.
+    """
     usual = fitted.scores.columns[fitted.scores.index(name)].usual
     ends, parts = _ends(fitted, name), []
     for amplitude, sd, probability in sizes:
@@ -89,8 +93,8 @@ def posterior_amplitude(fitted: LauncherFit, name: str, sizes: Sequence[Size]) -
 
 
 def own_size(fitted: LauncherFit, found: LauncherFit, number: int) -> float:
-    """Return the size of a normal prior for which the most probable amplitude of a name is the mean under its own
-    prior."""
+    """Return the standard deviation of the normal prior whose MAP estimate of the amplitude equals the mean under the
+    amplitude's own prior."""
     name, amplitude, evidence = found.names[number], float(found.amplitude[number]), found.scores
     usual = fitted.scores.columns[fitted.scores.index(name)].usual
     information = float(amplitudes(found.model.layout, (name,), evidence.point, evidence.covariance)[1][0])**-2.0
@@ -104,15 +108,17 @@ def own_size(fitted: LauncherFit, found: LauncherFit, number: int) -> float:
 
 
 def _ends(fitted: LauncherFit, name: str) -> tuple[float, float]:
-    """Of the range of an amplitude: of a believed number, of its change."""
+    """Return the ends of an amplitude's range; for a believed number, of its change."""
     parameter, before = find_parameter(name, fitted.model.catalogue), fitted.model.layout.believed.get(name, 0.0)
     return parameter.low - before, parameter.high - before
 
 
 def _density(fitted: LauncherFit, name: str, amplitude: float, sd: float,
              usual: float) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
-    """Places in an amplitude's range and the log density there, by its own prior in place of that of its evidence: as
-    large as usual, or half, twice or four times as large; the change of a believed number has no side and no law."""
+    """Return points in an amplitude's range and the log density there, with its own prior in place of the normal one.
+
+    Its own prior is a mixture of TERM_SIZES. The change of a believed number has neither a preferred sign nor a law.
+    """
     ends, term = _ends(fitted, name), find_terms((name.partition(".")[0],), fitted.model.catalogue)[0]
     changed = name in fitted.model.layout.believed
     law = term.law_sd if not changed else None
@@ -132,44 +138,44 @@ def _density(fitted: LauncherFit, name: str, amplitude: float, sd: float,
 
 def by_own_prior(fitted: LauncherFit, found: LauncherFit,
                  beside: Sequence[tuple[LauncherFit, LauncherFit]] = ()) -> LauncherFit:
-    """Return the refit with normal priors of own_size. beside: refits of terms that `fitted` has already."""
+    """Return the refit with normal priors of own_size. beside: refits of terms that `fitted` already includes."""
     sizes = {name: own_size(one, its, number) for one, its in ((fitted, found), *beside)
              for number, name in enumerate(its.names)}
     model, layout, first = fitted.model, fitted.model.layout, fitted.model.layout.first_shared
     precision = layout.precision.copy()
     for k, column in enumerate(layout.columns[first:]):
-        if column.name in sizes and precision[k, k] == column.usual**-2.0:      # not of a number believed before
+        if column.name in sizes and precision[k, k] == column.usual**-2.0:      # not for a number of the belief
             precision[k, k] = sizes[column.name]**-2.0
     columns = tuple(replace(column, usual=sizes.get(column.name, column.usual)) for column in layout.columns)
     sized = replace(fitted, model=replace(model, layout=replace(layout, columns=columns, precision=precision)))
     again = sized.with_columns(found.names, np.zeros(len(found.names)), found.point)
-    return replace(again, sd=np.maximum(again.sd, found.sd))       # which has the uncertainty of the term's shape
+    return replace(again, sd=np.maximum(again.sd, found.sd))       # its sd includes the term's shape
 
 
-REFITTED = 8                          # of the likeliest terms; bounds the work
-# Derived: a thousandth as likely
-WITHIN = 7.0                          # nats of the likeliest by one step, beyond which none is refitted,
-SHARE = 0.5                           # or this share of its nats: one step is a poor guide to large effects; chosen
+REFITTED = 8                          # maximum number of refitted terms; bounds the run time
+# Derived: a thousandth of the probability
+WITHIN = 7.0                          # nats below the likeliest term by one step, within which terms are refitted,
+SHARE = 0.5                           # or this share of its nats, as one step is inaccurate for large effects; chosen
 # Derived: either explains 0.95^2 = 90 % of what the other does
-ALIAS = 0.95                          # correlation of two efficient slopes from which only words part them
+ALIAS = 0.95                          # correlation of two efficient slopes above which terms are aliases
 # Derived: a likelihood interval of 95 % ends at 1.92 (Wilks 1938), rounded
-TOLD_APART = 2.0                      # nats by which one of two such fits the better, all the same
-# The promise; how often it is kept: docs/measured/sealed.md, python -m benchmarks.proof
-SURE = 0.9                            # probability of one name, or that a set holds of what is explained
-SCAN = (-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)     # usual sizes that are flown where the fit is lost,
-FIRM = 100.0                          # and from which a refit starts, hardly drawn towards zero
-BUSY = 1e-12                          # information, below which nothing in the data depends on a term
+TOLD_APART = 2.0                      # nats by which fits of two such terms must differ to be distinguished
+# Stated to the user; how often it holds: docs/measured/sealed.md, python -m benchmarks.proof
+SURE = 0.9                            # probability of a single name, or of a set as a share of what is explained
+SCAN = (-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)     # sizes simulated if the fit is lost, in usual sizes
+FIRM = 100.0                          # information of a scanned size, so that it hardly shrinks towards zero
+BUSY = 1e-12                          # information below which nothing in the data depends on a term
 # Derived: 1.5 deviations of the largest of TERM_SIZES
-MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not what its name says,
+MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not attributed to its term
 # Derived: normal quantile 0.9995; the fit's prior is WEAKER times as wide as the catalogue's
-CREDIBLE_SD = 3.29                    # standard deviations of a prior, in which a term's number is believable
-SPARE_SD = 2.0                        # by more standard deviations than this; chosen: about 95 %
-NEVER = -1e3                          # nats; beside it nothing else is as unlikely
+CREDIBLE_SD = 3.29                    # standard deviations of a prior within which a parameter is believable
+SPARE_SD = 2.0                        # allowance at these limits, in standard deviations; chosen: about 95 %
+NEVER = -1e3                          # nats of an impossible term
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A term's amplitude column after one step: z, amplitude, information left, and nats for it."""
+    """A term's amplitude column after one step: z, amplitude, efficient information and log Bayes factor (nats)."""
 
     name: str
     column: int
@@ -182,12 +188,12 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Naming:
-    """Names with the nats for each.
+    """The names with the log Bayes factor (nats) of each.
 
-    kin: of each refitted name, those that one step cannot tell from it. alike: of the name with most nats, those that a
-    true fit cannot tell from it, either. inclusion: probability that a name is among what is missing, where hypotheses
-    of more than one thing were weighed; None: exactly one of the names is missing. sizes: of each name, those that it
-    has in these hypotheses.
+    kin: for each refitted name, those that one step cannot distinguish from it. alike: those that a true fit cannot
+    distinguish from the name with the most nats. inclusion: probability that a name is among the missing effects, if
+    hypotheses with several effects were considered; None: exactly one name is missing. sizes: for each name, its sizes
+    in these hypotheses.
     """
 
     candidates: tuple[Candidate, ...]
@@ -210,19 +216,19 @@ class Naming:
         return _likeliest_first({name: self.inclusion.get(name, 0.0) for name in alone})
 
     def alone(self, fitted: LauncherFit, name: str) -> Size:
-        """Return the size of a name if nothing else is missing: refitted where it was among the likely, one step from
-        nothing otherwise."""
+        """Return the size of a name if nothing else is missing: from its refit if there is one, otherwise by one
+        step."""
         if name in self.refits:
             return sizes_of(self.refits[name])[0]
         return shrunk(next(one for one in self.candidates if one.name == name), fitted.scores)
 
     def told(self, fitted: LauncherFit, name: str) -> tuple[float, float, float, float]:
-        """Return the size of a name over all hypotheses that have it, as `posterior_amplitude` does."""
+        """Return the size of a name over all hypotheses that include it, in the form of `posterior_amplitude`."""
         return posterior_amplitude(fitted, name, self.sizes.get(name) or (self.alone(fitted, name),))
 
     @property
     def ranked(self) -> list[str]:
-        """Return names that may lead or be in a set, likeliest first."""
+        """Return the names that may lead or belong to a set, likeliest first."""
         if self.inclusion is None:
             return sorted(self.nats, key=lambda name: -self.nats[name])
         return sorted(self.refits, key=lambda name: -self.probability[name])
@@ -242,7 +248,7 @@ def _likeliest_first(probability: Mapping[str, float]) -> dict[str, float]:
 
 
 def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Float[Array, "K K"]]:
-    """Return (every term after one step, correlations of their efficient slopes [K, K])."""
+    """Return all terms after one step, and the correlations of their efficient slopes [K, K]."""
     columns = [k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"]
     score, left = efficient(evidence, np.array(columns, dtype=int))
     total = evidence.information
@@ -261,7 +267,7 @@ def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Float[Array, 
 
 
 def nats_for(score: Any, information: float, usual: float) -> Any:
-    """Return the log Bayes factor of an amplitude ~ N(0, usual^2) against none, for a Gaussian score or several."""
+    """Return the log Bayes factor of an amplitude ~ N(0, usual^2) against 0, for one or several Gaussian scores."""
     if information <= 0.0:
         return np.zeros_like(score) if np.ndim(score) else 0.0
     size = information * usual**2
@@ -270,7 +276,8 @@ def nats_for(score: Any, information: float, usual: float) -> Any:
 
 
 def name_terms(fitted: LauncherFit, progress: Progress, starts: Mapping[str, float] | None = None) -> Naming:
-    """Rank the terms. At least one must be visible. starts: {name: amplitude} refitted from there in any case."""
+    """Rank the terms, of which at least one must be visible. starts: names that are always refitted, and from which
+    amplitude."""
     candidates, alike = one_step(fitted.scores)
     visible = [c for c in candidates if c.visible]
     slopes_tell = not fitted.lost or len(fitted.model.data.marked) == 0
@@ -290,7 +297,8 @@ def name_terms(fitted: LauncherFit, progress: Progress, starts: Mapping[str, flo
     place = {c.name: number for number, c in enumerate(candidates)}
 
     def kin(top: str) -> list[Candidate]:
-        """The likeliest, and what one step cannot tell from it, which must not lose for want of a refit."""
+        """The likeliest term, and those that one step cannot distinguish from it, which must not lose for lack of a
+        refit."""
         return [c for c in visible if abs(alike[place[c.name], place[top]]) > ALIAS or c.name == top]
 
     while missing := [c for c in kin(max(nats, key=lambda name: nats[name])) if c.name not in refits]:
@@ -305,14 +313,16 @@ def name_terms(fitted: LauncherFit, progress: Progress, starts: Mapping[str, flo
 
 
 def _scanned(fitted: LauncherFit, one: Candidate, nats: Float[Array, " sizes"]) -> Candidate:
-    """The candidate by what outcomes say of it at the sizes of SCAN."""
+    """Return the candidate with the most probable of the sizes of SCAN, given the outcomes."""
     best, usual = int(nats.argmax()), fitted.scores.columns[one.column].usual
     return replace(one, nats=float(nats[best]), amplitude=SCAN[best] * usual, information=FIRM * usual**-2.0)
 
 
 def _scan(fitted: LauncherFit, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates by outcomes at some sizes of each, flown from the prior's middle: where the fit calls so much
-    scatter that its slopes tell of no term."""
+    """Return the candidates by the outcomes at several sizes of each, simulated from the middle of the prior.
+
+    This replaces the slopes if the fit attributes so much to scatter that they carry no information.
+    """
     columns = [one.column for one in candidates]
     points = np.tile(fitted.model.middle().values, (len(columns), len(SCAN), 1))
     for number, k in enumerate(columns):
@@ -324,9 +334,9 @@ def _scan(fitted: LauncherFit, candidates: Sequence[Candidate]) -> list[Candidat
 
 def _refit(fitted: LauncherFit, candidate: Candidate, refits: dict[str, LauncherFit], nats: dict[str, float],
            start: float | None = None) -> None:
-    """Refit one name into both, from one step's amplitude unless a start is given."""
+    """Refit one name, from its one-step amplitude unless a start is given, and store the result in both dicts."""
     name = candidate.name
-    if start is None:                 # no larger than three usual ones, the largest that SCAN flies
+    if start is None:                 # at most the largest size of SCAN
         most = SCAN[-1] * fitted.scores.columns[candidate.column].usual
         start = float(np.clip(shrunk(candidate, fitted.scores).amplitude, -most, most))
     refits[name] = fitted.with_terms((name,), np.array([start]))
@@ -335,8 +345,11 @@ def _refit(fitted: LauncherFit, candidate: Candidate, refits: dict[str, Launcher
 
 def _refit_beside(fitted: LauncherFit, one: Candidate, top: Candidate, refits: dict[str, LauncherFit],
                   nats: dict[str, float]) -> None:
-    """Refit a name once more, from where the likeliest came to rest: a fit may have several tops, and two names that
-    one step cannot tell apart must not differ by which of them their climbs ended on."""
+    """Refit a name again from the optimum of the likeliest name.
+
+    The posterior may have several maxima, and two names that one step cannot distinguish must not differ only because
+    their searches ended at different ones.
+    """
     best = refits[top.name]
     values = best.point.values.copy()
     own = best.model.layout.source[0]
@@ -348,17 +361,17 @@ def _refit_beside(fitted: LauncherFit, one: Candidate, top: Candidate, refits: d
 
 
 def _nats(fitted: LauncherFit, candidate: Candidate, found: LauncherFit) -> float:
-    """For one name truly refitted, by the shots and by what was measured without one, which the fit has in its prior.
-    """
+    """Return the nats for a refitted name, from the shots and from a measurement without shots, which is part of the
+    fit's prior."""
     usual = fitted.scores.columns[candidate.column].usual
     said = nats_measured(fitted.model.layout.measured, found.names[0], 0.0, usual)
     return found.log_evidence + said if is_possible(found, usual) else NEVER
 
 
 def is_possible(found: LauncherFit, *usual: float) -> bool:
-    """Whether each amplitude may lie in the range that its parameter declares, and within MOST_USUAL usual sizes.
+    """Return whether each amplitude may lie within its parameter's range and within MOST_USUAL usual sizes.
 
-    By where it would go, so that a fit that came to rest at the end of its range does not pass for one inside it.
+    This uses the unbounded optimum, so that a fit that stopped at the end of its range does not count as inside it.
     """
     among = found.model.catalogue
     low, high = np.array([(one.low, one.high) for one in (find_parameter(name, among) for name in found.names)]).T
@@ -368,7 +381,7 @@ def is_possible(found: LauncherFit, *usual: float) -> bool:
 
 
 def is_natural(name: str, size: Size, among: Catalogue) -> bool:
-    """Whether nature has such a size, of a parameter whose prior is a factor: within 99.9 % of it."""
+    """Return whether a size is within 99.9 % of a log-normal prior; always true for other priors."""
     prior = find_parameter(name, among).prior
     if prior is None or prior.scale != "log":
         return True
@@ -384,7 +397,7 @@ def shrunk(candidate: Candidate, evidence: ScoreTable) -> Size:
 
 def efficient(evidence: ScoreTable, columns: Int[Array, " K"],
               more: Float[Array, "P P"] | float = 0.0) -> tuple[Float[Array, " K"], Float[Array, "K K"]]:
-    """Return (scores [K], information [K, K]) of columns with what the shared ones could explain projected out.
+    """Return efficient scores [K] and information [K, K] of columns; the shared ones are projected out.
 
     more [P, P]: information of future shots, added to that of the evidence; scores are the present ones.
     """
@@ -399,9 +412,9 @@ def efficient(evidence: ScoreTable, columns: Int[Array, " K"],
 
 def _aliases(fitted: LauncherFit, ranked: Sequence[str], kin: Sequence[str], refits: Mapping[str, LauncherFit],
              nats: Mapping[str, float]) -> tuple[str, ...]:
-    """Of what one step cannot tell from the likeliest, that which a true fit cannot either, and which is possible.
+    """Return the possible names of `kin` that a true fit cannot distinguish from the likeliest either.
 
-    By how well they fit: that one of them would have to be unusually large is prior knowledge, not data.
+    Only the quality of the fits counts: an unusually large size is prior knowledge, not data.
     """
     fit = {name: float(refits[name].scores.log_score.sum())
            + nats_measured(fitted.model.layout.measured, name, float(refits[name].amplitude[0]), 0.0) for name in kin}

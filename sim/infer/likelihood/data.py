@@ -15,7 +15,9 @@ from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.infer.belief import Curves, along
 from truearc.sim.infer.likelihood import noise
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, ShotBatch
-from truearc.sim.infer.likelihood.observations import Samples, Scatter, samples_of, see_outcomes
+from truearc.sim.infer.likelihood.ground import see_landings
+from truearc.sim.infer.likelihood.heights import see_heights
+from truearc.sim.infer.likelihood.observations import Samples, Scatter, samples_of
 from truearc.sim.infer.likelihood.outcomes import Outcomes
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics import simulate
@@ -246,6 +248,16 @@ class Intake:
                      ("exit_speed_m_s", "exit_deg", "exit_spin_rev_s"), self.exits.T, strict=True)},
                  "tracks" if self.filmed else "times": len(self.tracked)}
         return {kind: count for kind, count in kinds.items() if count}
+
+
+def see_outcomes(shots: Shots, rig: Rig) -> tuple[Int[Array, " n"], Outcomes]:
+    """Return (rows [n] with a usable outcome, side or measured height, the observations).
+
+    InputError when there are outcomes but no [target] in rig.toml.
+    """
+    if rig.target is not None and rig.target.faces_up:
+        return see_landings(shots, rig, rig.target)
+    return see_heights(shots, rig.target)
 
 
 def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS) -> Intake:

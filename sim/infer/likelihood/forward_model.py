@@ -1,7 +1,8 @@
 """The forward model of a shot (JAX), from sensor readings to the height at the plane and the track.
 
-It is differentiable in the parameters of all terms, the deviations of the single launch, and free pushes. Its stages:
-sensed configuration -> sensing terms -> launch terms -> launch deviation -> flight -> arrival, watch terms.
+It is differentiable in the parameters of all terms, in the deviations of each launch, and in free pushes (arbitrary
+smooth forces). Its stages: sensed configuration -> sensing terms -> launch terms -> launch deviation -> flight ->
+arrival, watch terms.
 """
 
 from collections.abc import Callable, Mapping, Sequence

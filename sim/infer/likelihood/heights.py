@@ -1,5 +1,4 @@
-"""Outcomes of an upright opening: the height at its plane, divided into the classes that the operator can tell apart.
-"""
+"""Outcomes of an upright opening: the height at its plane, divided into classes that the operator can distinguish."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -1,6 +1,6 @@
-"""Observations of shots: their outcomes, by the target that they are about, and the noise of tracks and times.
+"""Tracks and times at heights as padded arrays, and their noise.
 
-Tracks are padded arrays; their noise has a size per axis and a correlation from one sample to the next.
+Noise has a standard deviation per axis and a correlation between successive samples.
 """
 
 from dataclasses import dataclass
@@ -8,26 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.dataset import Dataset, Shots, Times, Tracks
-from truearc.sim.infer.likelihood.ground import see_landings
-from truearc.sim.infer.likelihood.heights import see_heights
+from truearc.sim.data.dataset import Dataset, Times, Tracks
 from truearc.sim.infer.likelihood.noise import STILL_M, TIMED_M, UNMEASURED_M
-from truearc.sim.infer.likelihood.outcomes import Outcomes
 
 Array = np.ndarray
-
-
-def see_outcomes(shots: Shots, rig: Rig) -> tuple[Int[Array, " n"], Outcomes]:
-    """Return (rows [n] with a usable outcome, side or measured height, the observations).
-
-    InputError when there are outcomes but no [target] in rig.toml.
-    """
-    if rig.target is not None and rig.target.faces_up:
-        return see_landings(shots, rig, rig.target)
-    return see_heights(shots, rig.target)
-
-
 # Chosen: twice the three numbers of a parabola
 FEWEST_SAMPLES = 6                    # per track; fewer cannot say more than where it started and how fast
 # Chosen: one above the cubic that drag makes of a parabola

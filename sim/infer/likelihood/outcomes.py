@@ -1,9 +1,8 @@
-"""What the outcome of a shot says: the protocol of its observable, the one number of an arrival that outcomes divide.
+"""The protocol for outcome observations: the likelihood of a shot's outcome, given one observable of its arrival.
 
-An observable is normal, given the settings: with a mean, a spread, and further numbers on which its borders depend. It
-has two implementations: the height at an upright opening (heights.py), and where a ball comes down on the plane of an
-opening that faces up (ground.py). Code above this package does not ask which it is. LAPSE is the share of outcomes and
-measurements assumed to be wrong, so that no single one can dominate the fit.
+Given the settings, the observable is normally distributed. Further numbers shift the boundaries between outcome
+classes. There are two implementations: the height at an upright opening (heights.py), and where a ball comes down in
+the plane of an opening that faces up (ground.py). Code outside this package does not depend on which one is used.
 """
 
 from collections.abc import Sequence

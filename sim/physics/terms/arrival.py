@@ -5,7 +5,7 @@ from truearc.sim.physics.term import Instrument, Opening, Phrase, amplitude, eit
 
 
 class TargetHeight(term.ArrivalTerm):
-    """The opening's centre is rise_m over rig.toml's; of one that faces up, its rim."""
+    """The opening's centre is rise_m above its height in rig.toml; for one that faces up, its rim."""
 
     order = 10, "where the opening is, before how large"
     parameters = amplitude("rise_m", "m", -1.0, 1.0, sd=0.04, meaning="true height of the opening less the stated one",
@@ -21,7 +21,7 @@ class TargetHeight(term.ArrivalTerm):
 
 
 class RimCatch(term.ArrivalTerm):
-    """Both half heights of the opening grow by reach_m; of one that faces up, all edges lie so much farther out."""
+    """Both half heights of the opening grow by reach_m; for one that faces up, all edges move outward by it."""
 
     order = 20, "how large the opening is"
     parameters = amplitude("reach_m", "m", -0.05, 0.3, sd=0.03, meaning="true half height less the stated one",
@@ -47,7 +47,7 @@ class BackboardBounce(term.ArrivalTerm):
     order = 30, "what happens behind the opening, after where it is"
     parameters = amplitude("more", "1", -0.5, 0.4, sd=0.2, meaning="true share of speed kept less the usual one",
                            source="soft balls off thin boards keep a third, hard ones off stiff boards four fifths",
-                           reason="balls and boards differ; a drop onto the board tells")
+                           reason="balls and boards differ; a drop onto the board shows the share")
     direction = "along"
     of_backboard = True
     sentence = "Balls come off the backboard faster or slower than stated."

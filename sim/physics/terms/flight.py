@@ -27,7 +27,7 @@ class SpinDecay(term.AirTerm):
     parameters = amplitude("rate_per_s", "1/s", 0.0, 5.0, sd=0.4, meaning="rate of decay, 1 / time constant",
                            source="golf balls lose 3 to 4 % per second; a light ball of 18 cm at 10 m/s a quarter, by "
                            "the law seen for baseballs (Nathan 2008)",
-                           reason="from golf's hundredths to the quarter by that law, and twice as much for foam")
+                           reason="from a few per cent (golf) to the quarter by that law, and twice as much for foam")
     direction = "vertical"
     sentence = "The ball loses spin in flight."
     phrase = either_way("the ball <loses|gains> spin in flight, with a time constant of {}", term.SECONDS,
@@ -39,7 +39,7 @@ class SpinDecay(term.AirTerm):
 
 
 class WindX(term.WindTerm):
-    """The ball's velocity through the air is its own less speed_m_s toward the target."""
+    """The ball's velocity through the air is its own velocity minus speed_m_s toward the target."""
 
     order = 20, "what air the ball meets, before its forces"
     parameters = term.wind_speed("wind toward the target")
@@ -50,7 +50,7 @@ class WindX(term.WindTerm):
 
 
 class WindY(term.WindTerm):
-    """The ball's velocity through the air is its own less speed_m_s to the left."""
+    """The ball's velocity through the air is its own velocity minus speed_m_s to the left."""
 
     order = 30, "what air the ball meets, before its forces"
     parameters = term.wind_speed("wind to the left")
@@ -62,7 +62,7 @@ class WindY(term.WindTerm):
 
 
 class WindZ(term.WindTerm):
-    """The ball's velocity through the air is its own less speed_m_s upward."""
+    """The ball's velocity through the air is its own velocity minus speed_m_s upward."""
 
     order = 40, "what air the ball meets, before its forces"
     parameters = term.wind_speed("wind upward")
@@ -95,7 +95,7 @@ class Drag(term.FlightTerm):
     parameters = amplitude("cd", "1", 0.0, 5.0, scale="log", centre=0.5, sd=0.35, meaning="drag coefficient",
                            source="spheres at the speeds of launchers: 0.4 to 0.5 smooth (Achenbach 1972), 0.5 to 0.65 "
                            "felt (Mehta et al. 2008); range: the paper's search",
-                           reason="a factor of 1.4 either way holds these; the paper's 0.91 is two deviations off",
+                           reason="a factor of 1.4 either way covers these; the paper's 0.91 is two deviations off",
                            by_ball=0.08, fit_each_ball=True)
     direction = "along"
     sentence = "The air slows the ball in proportion to the square of its speed."
@@ -163,7 +163,8 @@ class DragReynolds(term.ForceShareTerm):
                    source="cd falls from 0.5 to 0.1-0.2 as rough balls pass Re 1e5-3e5 (Hong 2020); tennis balls keep "
                    "theirs",
                    reason="a ball of 18 cm at 8 to 15 m/s is just below that fall or at its foot"),
-        term.Parameter("at_m_s", "m/s", 1.0, 30.0, 10.0, "a usual exit speed; it only says where cd is meant",
+        term.Parameter("at_m_s", "m/s", 1.0, 30.0, 10.0,
+                       "a usual exit speed; it only sets the speed at which cd is stated",
                        meaning="speed at which the drag coefficient is stated"))
     direction = "along"
     label = "drag by speed"
@@ -212,12 +213,12 @@ class DragWear(term.ForceShareTerm):
 
 
 class AirDensity(term.AirShareTerm):
-    """All forces of the air x (1 + share x density's known departure from its median)."""
+    """All forces of the air x (1 + share x the density's known relative deviation from its median)."""
 
     order = 170, "a share of all forces of the moving air"
     parameters = amplitude("share", "1", 0.0, 2.0, sd=1.0, meaning="part of the gas law that the forces follow",
                            source="1 by definition: forces of the air are proportional to its density, 3.4 % for 10 K",
-                           reason="0 is a simulation that knows no weather, 1 the ideal gas")
+                           reason="0 is a simulation without weather, 1 the ideal gas")
     follows = "density"
     law_sd = 0.2
     sentence = "The forces of the air change with its pressure and temperature."
@@ -227,11 +228,12 @@ class AirDensity(term.AirShareTerm):
 
 
 class AirChange(term.AirShareTerm):
-    """All forces of the air x (1 + share). Fitted drag and lift absorb that whole, unless both were known before."""
+    """All forces of the air x (1 + share). Fitted drag and lift absorb it completely, unless both were known before."""
 
     order = 180, "a share of all forces of the moving air"
     parameters = amplitude("share", "1", -0.5, 1.0, sd=0.08, meaning="air density above that of the earlier session",
-                           source="forces of the air go with its density: 3.4 % for 10 K, 12 % for 1000 m of altitude",
+                           source="forces of the air are proportional to its density: 3.4 % for 10 K, 12 % for "
+                           "1000 m of altitude",
                            reason="from a cold hall to a hot one, or from the coast to the hills")
     label = "denser or thinner air"
     relative = True
@@ -246,7 +248,7 @@ class Buoyancy(term.FlightTerm):
     order = 190, "air at rest: after the shares of the moving air's forces"
     parameters = amplitude("share", "1", -1.0, 4.0, sd=1.0, meaning="share of the displaced air's weight that lifts",
                            source="1 by Archimedes' principle: 2.5 % of the weight of a foam ball",
-                           reason="0 is a simulation without it, 1 is what it must be")
+                           reason="0 is a simulation without it, 1 is the theory")
     direction = "vertical"
     law_sd = 0.2
     sentence = "The air that the ball displaces carries part of its weight."

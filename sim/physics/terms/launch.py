@@ -7,7 +7,7 @@ from truearc.sim.physics.term import LENGTH, SHARE, Instrument, Phrase, amplitud
 
 
 class WheelSlip(term.LaunchTerm):
-    """exit speed = u / (1 + k u) with u the speed by the wheels: a share k u lost while that is small.
+    """exit speed = u / (1 + k u), where u is the speed given by the wheels: the share lost is about k u.
 
     The quotient rather than u (1 - k u): faster wheels never give a slower ball.
     """
@@ -16,8 +16,8 @@ class WheelSlip(term.LaunchTerm):
     parameters = amplitude(
         "loss_per_m_s", "s/m", 0.0, 0.05, sd=0.015, meaning="further share lost for each m/s of wheel speed",
         source="the share of surface speed that team 971's balls left with differed by 0.2 over its range of speeds",
-        reason="0.015 s/m is 15 % lost at 10 m/s, about as much as was seen to depend on speed; around zero, for the "
-        "constant part is another term's", by_ball=0.08)
+        reason="0.015 s/m is 15 % lost at 10 m/s, about as much as was seen to depend on speed; centred on zero, "
+        "because another term has the constant part", by_ball=0.08)
     direction = "along"
     sentence = "The wheels slip on the ball, the more the faster they turn."
     phrase = either_way("the faster the wheels run, the <more the ball slips: it loses|better they grip: the ball "
@@ -29,7 +29,7 @@ class WheelSlip(term.LaunchTerm):
 
 
 class ExitEfficiency(term.SpeedTerm):
-    """exit speed = speed by the wheels x (1 - loss), the same share at every speed; the spin is left as it is."""
+    """exit speed = speed given by the wheels x (1 - loss), the same share at every speed; the spin is unchanged."""
 
     order = 20, "a share of the speed after slip"
     parameters = amplitude("loss", "1", 0.0, 0.9, scale="left", centre=0.2, sd=0.2,
@@ -46,7 +46,7 @@ class ExitEfficiency(term.SpeedTerm):
 
 
 class WheelDroop(term.SpeedTerm):
-    """exit speed x (1 - loss x droop); droop: dip of the wheels in this shot by the mean dip, 1 without telemetry."""
+    """exit speed x (1 - loss x droop); droop: the wheels' dip / the mean dip, 1 without telemetry."""
 
     order = 30, "a factor of the speed; these commute"
     parameters = amplitude("loss", "1", -0.5, 0.5, sd=0.05, meaning="share of the speed lost at the wheels' mean dip",
@@ -63,7 +63,7 @@ class WheelDroop(term.SpeedTerm):
 
 
 class BallCompression(term.LaunchTerm):
-    """spin / (1 - share); the speed of its centre stays."""
+    """spin / (1 - share); the speed of the ball's centre is unchanged."""
 
     order = 40, "a factor of the spin alone"
     parameters = amplitude("share", "1", -0.3, 0.6, sd=0.1, meaning="part of the radius by which the ball is squeezed",
@@ -92,7 +92,7 @@ class BallWear(term.SpeedTerm):
 
 
 class BallSpread(term.SpeedTerm):
-    """exit speed x (1 + spread x the ball's own departure), a standard normal number that is not known."""
+    """exit speed x (1 + spread x the ball's own deviation), an unknown standard normal number."""
 
     sign = 1.0
     order = 60, "a factor of the speed; these commute"
@@ -145,7 +145,7 @@ class RapidFire(term.SpeedTerm):
 
 
 class ReleaseHeight(term.LaunchTerm):
-    """The flight starts above_m over rig.toml's release height."""
+    """The flight starts above_m above the release height of rig.toml."""
 
     order = 90, "changes neither speed nor spin"
     parameters = amplitude("above_m", "m", -0.5, 0.5, sd=0.04, meaning="true release height less the stated one",

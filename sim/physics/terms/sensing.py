@@ -14,7 +14,7 @@ class HoodOffset(term.HoodTerm):
 
     order = 10, "sensors of the launch come first, in the order in which it is made"
     parameters = amplitude("angle_deg", "deg", -10.0, 10.0, sd=1.0, meaning="true elevation less the hood's reading",
-                           source="a zero set by eye or by a hard stop is a degree off as often as not",
+                           source="a zero set by eye or by a hard stop is often off by a degree",
                            reason="a digital level sets a zero to a few tenths of a degree, the eye to one or two")
     sentence = "The hood stands at another angle than it reads, by the same angle at every setting."
     phrase = either_way("the hood stands {} <steeper|flatter> than it reads", ANGLE)
@@ -22,7 +22,7 @@ class HoodOffset(term.HoodTerm):
 
 
 class HoodBacklash(term.HoodTerm):
-    """true elevation = measured + angle_deg x (+1 after moving up, -1 after moving down, 0 where that is not known)."""
+    """true elevation = measured + angle_deg x (+1 after moving up, -1 after moving down, 0 if unknown)."""
 
     order = 20, "adds up with the offset, in any order"
     parameters = amplitude("angle_deg", "deg", -5.0, 5.0, sd=0.7, meaning="true less read elevation, after moving up",
@@ -121,7 +121,7 @@ class TrackScale(term.WatchTerm):
 
 
 class _TurnedTracker(term.WatchTerm):
-    """Positions are seen turned about a level axis on the floor below the exit by angle_deg."""
+    """Positions appear rotated by angle_deg about a level axis on the floor below the exit."""
 
     way: ClassVar[str]                # the axis whose far end is seen higher
     instrument = Instrument("plumb_line", "a plumb line in the tracker's view", None)
@@ -140,7 +140,7 @@ def _turned_deg(sd: float, meaning: str) -> tuple[term.Parameter]:
 
 
 class TrackTilt(_TurnedTracker):
-    """Positions are seen turned about the left axis on the floor below the exit; positive: higher, what lies ahead."""
+    """Positions appear rotated about the left axis on the floor below the exit; positive: higher ahead."""
 
     order = 80, "turns positions of any scale"
     way = "x"
@@ -152,7 +152,7 @@ class TrackTilt(_TurnedTracker):
 
 
 class TrackRoll(_TurnedTracker):
-    """Positions are seen turned about the forward axis on the floor below the exit; positive: higher, what lies left.
+    """Positions appear rotated about the forward axis on the floor below the exit; positive: higher to the left.
 
     It is much like a crosswind, whose push falls with the ball's speed.
     """
@@ -167,7 +167,7 @@ class TrackRoll(_TurnedTracker):
 
 
 class TrackClock(term.WatchTerm):
-    """At t of its clock the ball is where it is at t (1 + share): position + velocity x share x t, to first order."""
+    """The tracker's time t is true time t (1 + share): position + velocity x share x t, to first order."""
 
     order = 90, "to first order independent of scale and tilt"
     parameters = amplitude("share", "1", -0.08, 0.08, sd=0.01, meaning="true time above the tracker's",

@@ -108,7 +108,7 @@ def test_a_well_robot_passes_everything_and_nothing_moves_or_changes(endpoints):
     assert all(node.state == 1 and node.errors == 0 for name, node in bench.nodes.items() if name in NAMES)
     assert all(node.bad_frames == 0 for node in bench.nodes.values())
     assert levels(findings, OK) == set(findings) and len(findings) == 2 + 4 * 7 + 5 + 1      # and what the feeder keeps
-    assert findings["hood motor, limit switch"].says.startswith("told as open")
+    assert findings["hood motor, limit switch"].says.startswith("reported as open")
     assert findings["hood, switch and encoder"].says == "the encoder reads 28.6 deg, the limit switch at 15 deg is open"
     assert findings["flywheel motor 1, firmware"].says == "firmware 0.6.10"
     assert findings["hood motor, watchdog"].says == "0.1 s"
@@ -355,8 +355,8 @@ def sparks(config, faults=(), settings: SparkSettings | None = None) -> list[Nod
     (Fault(SILENT, 0, ALWAYS), None, "status", FAILURE, "device 3 is silent"),
     (None, SparkSettings(firmware=(24, 0, 1)), "firmware", FAILURE, "24.0.1"),
     (None, SparkSettings(firmware=(27, 0, 0)), "firmware", FAILURE, "27.0.0"),
-    (Fault(TRUNCATED, 0, ALWAYS, frame_id=0x0205B803, length=3), None, "status", FAILURE, "cannot be"),
-    (Fault(TRUNCATED, 0, ALWAYS, frame_id=0x02052603, length=1), None, "firmware", FAILURE, "cannot be read")])
+    (Fault(TRUNCATED, 0, ALWAYS, frame_id=0x0205B803, length=3), None, "status", FAILURE, "impossible values"),
+    (Fault(TRUNCATED, 0, ALWAYS, frame_id=0x02052603, length=1), None, "firmware", FAILURE, "unreadable answer")])
 def test_what_is_wrong_with_a_spark_is_said(fault, settings, check, level, words):
     finding = hear(sparks(SPARK_HOOD, (fault,) if fault else (), settings), SPARK_HOOD)[f"hood motor, {check}"]
     assert finding.level == level and words in finding.says and finding.do

@@ -63,7 +63,7 @@ def test_fire_hold_and_stale(browser, shower):
     assert browser.evaluate("document.body.classList.contains('fault')")
     messages = "[...document.querySelectorAll('#told li b')].map(one => one.innerText)"
     assert browser.evaluate(messages) == [
-        "CAN adapter pulled out?", "Wheels, hood let go: CAN lost: CAN slcan /dev/ttyACM0: gone",
+        "CAN adapter pulled out?", "Wheels, hood released: CAN lost: CAN slcan /dev/ttyACM0: gone",
         "Target out of sight for 2.1 s"]
     assert browser.evaluate("document.getElementById('lead').innerText") == "CAN adapter pulled out?"
     assert "5.00 ± 0.03 m" in browser.evaluate("document.getElementById('blocks').innerText")

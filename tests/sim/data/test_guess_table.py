@@ -18,7 +18,8 @@ import truearc.cli.main as truearc
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.robot.config.schema import load_config
-from truearc.robot.config.shot_map import as_signal, load_map, unit_in
+from truearc.robot.config.shot_map import as_signal, load_map
+from truearc.robot.config.units import unit_in
 from truearc.sim.data.import_shots import guess
 from truearc.sim.printed import MOST, left_out_lines
 

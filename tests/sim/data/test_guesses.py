@@ -12,7 +12,8 @@ import pytest
 import truearc as ta
 from tests.sim.data.test_guess_table import RIG
 from truearc.cli.main import main
-from truearc.robot.config.shot_map import as_signal, in_unit, unit_in
+from truearc.robot.config.shot_map import as_signal
+from truearc.robot.config.units import in_unit, unit_in
 from truearc.sim.data.guess_map import time_column
 from truearc.sim.data.import_shots import guess
 from truearc.sim.data.table import any_table

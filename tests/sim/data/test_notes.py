@@ -61,7 +61,7 @@ def test_repeated_settings_without_times_are_no_copies() -> None:
 
 def test_two_shots_of_one_instant_are_noted() -> None:
     said, = notes(t_s=counted(11.0, 11, 12))
-    assert said.startswith("t_s: shots of the instant of an earlier one: 1 (s12 as s11); ")
+    assert said.startswith("t_s: shots at the same instant as an earlier one: 1 (s12 as s11); ")
     assert notes(t_s=counted(11.0, 11, 12), session=["a"] * 12 + ["b"] * 28) == ()
 
 
@@ -91,5 +91,5 @@ def test_outcomes_of_one_kind_are_noted_unless_more_was_seen(outcome: list[str],
 
 def test_a_voltage_that_never_moves_is_noted() -> None:
     said, = notes(battery_v=[12.0] * SHOTS)
-    assert said.startswith("battery_v: the voltage never moves (12 V in 40 shots)")
+    assert said.startswith("battery_v: the voltage never changes (12 V in 40 shots)")
     assert notes(battery_v=np.linspace(12.6, 11.9, SHOTS)) == ()

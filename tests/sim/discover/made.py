@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.sim.discover.worlds import FACTS
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.likelihood.observations import see_outcomes
+from truearc.sim.infer.likelihood.data import see_outcomes
 from truearc.sim.infer.likelihood.outcomes import Outcomes
 from truearc.sim.infer.likelihood.score_table import Column, PlaneScores, ScoreTable, make_evidence
 

@@ -15,12 +15,11 @@ from truearc.robot.config.rig_spec import Ball, Rig, Target
 from truearc.sim.data.dataset import Circumstances, Shots
 from truearc.sim.infer.fit import Fit, climb
 from truearc.sim.infer.launcher import Launcher, LauncherFit
-from truearc.sim.infer.likelihood.data import Intake
+from truearc.sim.infer.likelihood.data import Intake, see_outcomes
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, Chain, Prediction, ShotBatch
 from truearc.sim.infer.likelihood.layout import Layout, Point
 from truearc.sim.infer.likelihood.linearization import SCATTERED
 from truearc.sim.infer.likelihood.noise import SCATTERS
-from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.term import Exit
 
