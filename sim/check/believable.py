@@ -6,15 +6,18 @@ two best by Gauss-Newton steps, so that data as recorded are judged at the best 
 """
 
 import math
-from collections.abc import Callable, Sequence
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
+from numpy.polynomial import polynomial
 
-from truearc.sim.check.motion import Motion
-from truearc.sim.data.dataset import Dataset, Floats
+from truearc.sim.data.dataset import Dataset, Floats, Tracks
+from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.physics.catalogue import catalogue
 from truearc.sim.physics.simulate import by_wheels, launch_state
 from truearc.sim.physics.term import to_scale
@@ -42,6 +45,37 @@ SCORES = 6                            # fewest shots that are judged; chosen: tw
 # Chosen: quartiles of the priors and beyond, by which each start is near enough for Gauss-Newton
 STARTS = np.array([[cd, cl] for cd in (-0.8, 1.2) for cl in (-0.7, 0.5, 1.5)])
 STEP, BOUND = 0.2, 4.0                # of derivatives, and bound of parameters, in standard deviations
+SAMPLES = 8                           # fewest of a track that is judged; chosen: twice the numbers of a cubic
+TRACKS = 3                            # fewest tracks that are judged; chosen: one slip does not decide a median
+MOST = 30                             # tracks that are measured; chosen: enough for units and axes, and quick
+# Chosen: drag on a light ball doubles a change of speed; a hand, a floor or a wall makes it many times as large
+KICK = 3.2                            # times its usual change of velocity in the same time
+JOLT = 0.2                            # and this share of its usual speed; chosen: a soft touch is left to the fit
+WINDOW = 1.0 / 12.0                   # share of a track on either side, for velocities; chosen: five samples
+NOISES = 8.0                          # and so many standard deviations of noise; derived: chance once in 10^15
+DIFFERENCES = 20.0                    # variance of a third difference, by that of a sample; derived: 1 + 9 + 9 + 1
+MEDIAN = 0.6745                       # of the size of a normal deviate; derived: normal quantile 0.75
+BY_TIME = np.array([[1.0], [1.0], [1.0], [2.0], [0.0], [0.0], [1.0]])     # powers of time of a motion's vectors
+TABLE = tomllib.loads(Path(__file__).with_name("slips.toml").read_text(encoding="utf-8"))
+UNITS: dict[str, dict[str, tuple[str, float]]] = TABLE["units"]
+QUANTITIES: dict[str, dict[str, Any]] = TABLE["quantities"]
+
+
+class Motion(NamedTuple):
+    """Measured tracks [k]: row in Shots; vectors: velocities at three moments, mean acceleration, first and last place,
+    velocity at the start; standard error of the acceleration. unlinked: the tracks may be those of other shots."""
+
+    shot: Int[np.ndarray, " k"]
+    vectors: Float[np.ndarray, "k 7 3"]
+    error_m_s2: Floats
+    unlinked: bool = False
+
+    def read(self, matrix: Floats, seconds: float = 1.0, by_m: Floats | float = 0.0) -> "Motion":
+        """The same with positions times a matrix [3, 3], plus `by_m`, and times multiplied by `seconds`."""
+        vectors = self.vectors @ matrix.T / seconds**BY_TIME
+        vectors[:, 4:6] += by_m
+        return self._replace(vectors=vectors, error_m_s2=(
+            self.error_m_s2 * float(np.linalg.norm(matrix, axis=1).max()) / seconds**2))
 
 
 class Reading(NamedTuple):
@@ -117,9 +151,8 @@ def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: floa
 
 def flown_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
     """Return the rows of shots with a distance, an angle and a speed."""
-    shots = dataset.shots
-    speed = launch_state(dataset.rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan))
-    return np.flatnonzero(np.isfinite(shots.number("distance_m") + elevation_deg(dataset) + speed))
+    return np.flatnonzero(np.isfinite(
+        dataset.shots.number("distance_m") + elevation_deg(dataset) + launched(dataset)[0]))
 
 
 def judged_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
@@ -141,7 +174,7 @@ def elevation_deg(dataset: Dataset) -> Floats:
     return np.asarray(np.where(np.isfinite(seen), seen, dataset.shots.number("hood_deg")))
 
 
-def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: float, rough: bool = False) -> Rows:
+def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], rough: bool = False) -> Rows:
     """Rows of a dataset; as many, in the same order, for every reading of it. rough: for a first look."""
     parts: list[Any] = [(lambda theta: (np.zeros((len(theta), 0)),) * 2, [], np.zeros(0, dtype=int), [])]
     if len(judged):
@@ -157,7 +190,8 @@ def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], unusual: float, rou
         found = [function(theta) for function in functions]
         off, sd = (np.concatenate(columns, axis=1) for columns in zip(*found, strict=True))
         return np.where(np.isfinite(off), off, LOST), sd
-    return Rows(residuals, np.concatenate(wides), np.concatenate(whose), np.concatenate(weights), unusual)
+    return Rows(residuals, np.concatenate(wides), np.concatenate(whose), np.concatenate(weights),
+                unusual(reading.dataset))
 
 
 @cache
@@ -180,7 +214,7 @@ def _forces(dataset: Dataset, rows: Any, spin: Floats, speed: Floats) -> tuple[F
         16.0 / 3.0 * np.pi * radius_m * drag * turned, -100.0, 100.0)
 
 
-def _launched(dataset: Dataset) -> tuple[Floats, Floats]:
+def launched(dataset: Dataset) -> tuple[Floats, Floats]:
     """Speed and spin by the launcher; nan where they are not known."""
     state, nothing = launch_state(dataset.rig, dataset.shots), np.full(len(dataset.shots), np.nan)
     return state.get("exit_speed_m_s", nothing), state.get("exit_spin_rev_s", dataset.shots.number("exit_spin_rev_s"))
@@ -204,7 +238,7 @@ def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, 
     low = sd[RISE] if stated else 0.3
     rise = target.centre_height_m - (stated or UNSTATED_M)
     distance, angle = shots.number("distance_m")[judged], elevation_deg(dataset)[judged]
-    speed, spin = (column[judged] for column in _launched(dataset))
+    speed, spin = (column[judged] for column in launched(dataset))
     drag, lift = _forces(dataset, judged, spin, speed)
     measured = ~by_wheels(shots)[judged]
 
@@ -229,29 +263,28 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
     """Accelerations, where flights begin and go, and how they agree with angle, speed and distance of their shots."""
     rig, shots, g, own = dataset.rig, dataset.shots, dataset.rig.world.gravity_m_s2, motion.shot
     centre, sd = _priors()
-    speed, spin = (column[own] for column in _launched(dataset))
-    drag, lift = _forces(dataset, own, spin, np.linalg.norm(motion.start_m_s, axis=1))
-    size = np.linalg.norm(motion.velocity_m_s, axis=2, keepdims=True)
-    up = np.cross(motion.velocity_m_s, np.cross([0.0, 0.0, 1.0], motion.velocity_m_s))
-    up = up / np.maximum(np.linalg.norm(up, axis=2, keepdims=True), 1e-12) * size
-    slow, raised = -drag[:, None] * (size * motion.velocity_m_s).mean(axis=1), lift[:, None] * up.mean(axis=1)
-    place, first = motion.from_m, motion.start_m_s
+    speed, spin = (column[own] for column in launched(dataset))
+    velocity, (accelerated, place, end, first) = motion.vectors[:, :3], motion.vectors[:, 3:].swapaxes(0, 1)
     total = np.linalg.norm(first, axis=1)
+    drag, lift = _forces(dataset, own, spin, total)
+    size = np.linalg.norm(velocity, axis=2, keepdims=True)
+    up = np.cross(velocity, np.cross([0.0, 0.0, 1.0], velocity))
+    up = up / np.maximum(np.linalg.norm(up, axis=2, keepdims=True), 1e-12) * size
+    slow, raised = -drag[:, None] * (size * velocity).mean(axis=1), lift[:, None] * up.mean(axis=1)
     with np.errstate(all="ignore"):
         back = np.where(first[:, 0] > 0.1 * total, place[:, 0] / first[:, 0], np.nan)
-        far, way = np.abs(place[:, 0]), motion.to_m - place
+        far, way = np.abs(place[:, 0]), end - place
         stated = rig.launcher.release_height_m
         fallen = 0.07 * g * np.nan_to_num(back)**2          # chosen: drag takes so much of a fall
         begins = place[:, 2] - first[:, 2] * back - 0.5 * g * back**2 - stated
-        aside = np.degrees(np.arctan2(way[:, 1], way[:, 0]))
+        along, aside = np.hypot(way[:, 0], way[:, 1]), np.degrees(np.arctan2(way[:, 1], way[:, 0]))
         begun = np.clip(np.nan_to_num(back), 0.0, 2.0)
         rises = np.degrees(np.arctan2(first[:, 2] + g * begun, np.hypot(first[:, 0], first[:, 1])))
-        longer = np.log(np.hypot(way[:, 0], way[:, 1]) / shots.number("distance_m")[own])
+        longer = np.log(along / shots.number("distance_m")[own])
         faster = np.log(np.linalg.norm(first + np.outer(begun, [0.0, 0.0, g]), axis=1))
-    unsure = np.hypot(motion.error_m_s2, 0.07 * np.linalg.norm(motion.bend_m_s2, axis=1) + 1e-12)
+    unsure = np.hypot(motion.error_m_s2, 0.07 * np.linalg.norm(accelerated, axis=1) + 1e-12)
     if np.isfinite(shots.number("mass_kg")).any():           # each ball has drag of its own
         unsure = np.hypot(unsure, BALLS * np.linalg.norm(slow, axis=1))
-    along = np.hypot(way[:, 0], way[:, 1])
     upright = np.median(along) < 0.2 * np.median(np.abs(way[:, 2]))      # chosen: dropped, or nearly so
     # where it is not stated, and of balls that are dropped, tracks tell alone where they begin
     low, begins = (sd[RISE], begins) if (stated or rig.target) and not upright else (0.0, 0.0 * far)
@@ -267,7 +300,7 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
         pull = np.exp(lane[:, CD]) * slow + lane[:, CL] * raised - np.array([0.0, 0.0, g])
         tilt = math.radians(2.5) * theta[:, TILT, None]
         pull = np.stack([pull[..., 0] - tilt * pull[..., 2], pull[..., 1], pull[..., 2] + tilt * pull[..., 0]])
-        bend = motion.bend_m_s2.T[:, None, :] - pull * (1.0 + 0.11 * theta[:, SCALE, None])
+        bend = accelerated.T[:, None, :] - pull * (1.0 + 0.11 * theta[:, SCALE, None])
         angle = elevation_deg(dataset)[own] + sd[HOOD] * theta[:, [HOOD]] + 2.5 * theta[:, [TILT]] - rises
         quick = _left(theta, speed, ~by_wheels(shots)[own]) + 0.06 * theta[:, [SCALE]] - faster
         lanes = np.ones((len(theta), 1))
@@ -299,25 +332,19 @@ def _judge(readings: Sequence[Rows], theta: Floats) -> Judged:
     whose = readings[0].whose
     shots, place = np.unique(whose, return_inverse=True)
     onto = (place[:, None] == np.arange(len(shots))).astype(float)
-    onto = onto if len(shots) < len(whose) else None
-    costs, offs, widths = [], [], []
-    for rows in readings:
-        off, sd = rows.residuals(theta)
-        width = np.where(np.isnan(sd), np.hypot(SCATTERS[:, None, None], rows.wide), sd)
-        cost = 0.5 * (FREEDOM + 1.0) * np.log1p((off / width)**2 / FREEDOM)
-        costs.append(rows.weight * (cost + np.log(width / np.where(np.isnan(sd), SCATTERS[0], 1.0))))
-        offs.append(off)
-        widths.append(width)
+    offs, sd = (np.stack(columns) for columns in zip(*(rows.residuals(theta) for rows in readings), strict=True))
+    wide, unknown = np.stack([rows.wide for rows in readings]), np.isnan(sd)[:, None]
+    width = np.where(unknown, np.hypot(SCATTERS[:, None, None], wide[:, None, None]), sd[:, None])
+    cost = 0.5 * (FREEDOM + 1.0) * np.log1p((offs[:, None] / width)**2 / FREEDOM)
     # [readings, scatters, lanes, shots]
-    each = np.stack([cost if onto is None else cost @ onto for cost in costs])
+    each = (readings[0].weight * (cost + np.log(width / np.where(unknown, SCATTERS[0], 1.0)))) @ onto
     each[1:] += MIXED * np.minimum(1.0, FULL / max(len(shots), 1))
     which = each.argmin(axis=0)
-    spread = np.isnan(sd).any() * 0.5 * (np.maximum(np.log(SCATTERS) - USUAL, 0.0) / SPREAD)**2
+    spread = unknown.any() * 0.5 * (np.maximum(np.log(SCATTERS) - USUAL, 0.0) / SPREAD)**2
     cost = each.min(axis=0).sum(axis=-1) + spread[:, None]
     best, lane = cost.argmin(axis=0), np.arange(len(theta))
     picked = which[best, lane][:, place]
-    off = np.choose(picked, offs)
-    width = np.choose(picked, [one[best, lane] for one in widths])
+    off, width = (np.take_along_axis(one, picked[None], 0)[0] for one in (offs, width[:, best, lane]))
     curve = readings[0].weight * (FREEDOM + 1.0) / (FREEDOM + (off / width)**2) / width**2
     score = -cost[best, lane] - 0.5 * (theta**2).sum(axis=1) - readings[0].unusual
     return Judged(score, off, curve, picked, off / width, spread[best])
@@ -348,9 +375,8 @@ def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 
         tried = np.clip(best[:, None] + shares[:, None] * np.clip(step, -2.0, 2.0)[:, None], -BOUND, BOUND)
         score = _judge(readings, tried.reshape(-1, len(TERMS))).score.reshape(len(best), -1)
         best = tried[np.arange(len(best)), score.argmax(axis=1)]
-    last = _judge(readings, best) if turns else last
+    last = _judge(readings, best)
     at = int(last.score.argmax())
-    best = best if turns else starts
     each = 0.5 * (FREEDOM + 1.0) * np.log1p(last.rest[at]**2 / FREEDOM)
     common = last.spread[at] + 0.5 * best[at] @ best[at] + readings[0].unusual
     return Fit(float(last.score[at]), float(np.maximum(each - ORDINARY, 0.0) @ readings[0].weight + common),
@@ -370,3 +396,105 @@ def lifts_less(rows: Rows, known: Fit) -> float:
     none = known.values.copy()
     none[CL] = -centre[CL] / sd[CL]
     return float(known.score - _judge([rows], none[None]).score[0]) if known.values[CL] < none[CL] else 0.0
+
+
+# --- what tracks show by themselves
+
+
+def measure_motion(tracks: Tracks, without: frozenset[int] = frozenset()) -> Motion | None:
+    """Fit each track but those of shots `without` by a polynomial; None where there are too few."""
+    measured = []
+    for shot, t_s, places in _sampled(tracks):
+        if shot in without:
+            continue
+        half_s, scaled = np.ptp(t_s) / 2.0, 2.0 * (t_s - t_s[0]) / np.ptp(t_s) - 1.0
+        degree = 4 if len(t_s) >= 2 * SAMPLES else 3
+        fit, basis = polynomial.polyfit(scaled, places, degree), polynomial.polyvander(scaled, degree)
+        noise_m = np.sqrt(((places - basis @ fit)**2).sum() / (3.0 * max(len(scaled) - degree - 1, 1)))
+        slope = polynomial.polyder(fit) / half_s
+        middle = np.array([-0.5, 0.0, 0.5])
+        measured.append((shot, np.concatenate([
+            polynomial.polyval(middle, slope).T,
+            [polynomial.polyval(middle, polynomial.polyder(slope)).mean(axis=1) / half_s],
+            polynomial.polyval(np.array([-1.0, 1.0]), fit).T, [polynomial.polyval(-1.0, slope)]]),
+            2.0 * noise_m * np.sqrt(np.linalg.pinv(basis.T @ basis)[2, 2]) / half_s**2))
+    if len(measured) < TRACKS:
+        return None
+    kept = np.linspace(0, len(measured) - 1, min(MOST, len(measured))).astype(int)
+    return Motion(*(np.array(column)[kept] for column in zip(*measured, strict=True)))
+
+
+def _sampled(tracks: Tracks) -> Iterator[tuple[int, Floats, Float[np.ndarray, "n 3"]]]:
+    """Shot, times and places of each track with enough samples."""
+    points = np.column_stack([tracks.x_m, tracks.y_m, tracks.z_m])
+    sound = np.asarray(np.isfinite(points).all(axis=1))
+    for shot, rows in tracks.by_shot():
+        here = rows[sound[rows]]
+        if len(here) >= SAMPLES and (np.diff(tracks.t_s[here]) > 0.0).all():
+            yield shot, tracks.t_s[here], points[here]
+
+
+def jolts(tracks: Tracks) -> Iterator[tuple[int, float, bool]]:
+    """Shot, time and whether it is at the start, where a velocity changes at once, as no force of the air does it."""
+    for shot, t_s, seen in _sampled(tracks):
+        places = np.median([seen[:-2], seen[1:-1], seen[2:]], axis=0)          # one stray sample is no jolt
+        t_s = t_s[1:-1]
+        span = max(round(WINDOW * len(t_s)), 2)
+        slope = (places[span:] - places[:-span]) / (t_s[span:] - t_s[:-span])[:, None]
+        change = np.linalg.norm(slope[span:] - slope[:-span], axis=1)
+        noise_m = np.median(np.abs(np.diff(places, 3, axis=0))) / MEDIAN / np.sqrt(DIFFERENCES)
+        at = int(change.argmax())
+        if change[at] > max(KICK * np.median(change), JOLT * np.median(np.linalg.norm(slope, axis=1)),
+                            NOISES * noise_m * 2.0 / np.median(t_s[span:] - t_s[:-span])):
+            early = at + span < len(t_s) / 3
+            yield shot, float(t_s[at + (2 if early else 1) * span]), early
+
+
+# --- sizes
+
+
+def unusual(dataset: Dataset) -> float:
+    """Return how unusual the sizes of all quantities are, in nats; a column's size is its median."""
+    rig, shots, (speed, _) = dataset.rig, dataset.shots, launched(dataset)
+    motor = shots.number("motor_ratio") * (rig.launcher.free_speed_rad_s or math.nan)
+    with np.errstate(all="ignore"):
+        around = 2.0 * math.pi * rig.ball.radius_m / np.where(speed > 0.0, speed, np.nan)
+        found: dict[str, Any] = {
+            "density": rig.ball.density_kg_m3, "speed": speed, "rim": around * shots.number("exit_spin_rev_s"),
+            "rim of all": around * np.sqrt(sum(shots.number(name)**2 for name in SPIN_VECTOR)),
+            **{f"motor of {wheel.name}": shots.number(f"wheel_{wheel.name}_rad_s") / (motor * wheel.gear)
+               for wheel in rig.launcher.wheel}, "allowed": _by_allowed(dataset)}
+    found |= {key: value_of(dataset, key) if "." in key else shots.number(key)
+              for key in QUANTITIES if key not in found}
+    if rig.target is None:            # balls may be dropped from a tower
+        del found["launcher.release_height_m"]
+    nats = 0.0
+    for key, value in found.items():
+        about = QUANTITIES[key.partition(" of")[0]]
+        size = float(np.nanmedian(np.abs(value))) if "usual" in about and np.isfinite(value).any() else 0.0
+        if size > 0.0:
+            off = math.log(min(max(size, 1e-12), 1e12) / about["usual"])
+            nats += min(0.5 * (off / about["below" if off < 0.0 else "above"])**2, 100.0)
+    return nats
+
+
+def _by_allowed(dataset: Dataset) -> float:
+    """Return the size of heights by what their outcomes allow, or by how far they are aside of the target's middle."""
+    target, height = dataset.rig.target, dataset.shots.number("miss_height_m")
+    if target is None or np.isfinite(height).sum() < 3:
+        return math.nan
+    half = {"two": target.two_half_height_m, "three": target.three_half_height_m}
+    allowed = np.array([half.get(word, 0.5) + 0.03 for word in dataset.shots.text("outcome")])
+    most = float(np.sqrt(np.nanmean((height / allowed)**2)))
+    spread = float(np.nanstd(height) / np.median(allowed))
+    aside = abs(float(np.nanmedian(height))) / float(np.nanstd(height)) / 3.0 if spread > 1e-9 * most else 0.0
+    return most if aside == 0.0 else max(most, 1.0) * max(aside, 1.0) if max(most, aside) > 1.0 else spread
+
+
+def value_of(dataset: Dataset, key: str) -> float:
+    """Return a number of the rig by its dotted key, for wheels the first one's; nan if it is not stated."""
+    value: Any = dataset.rig
+    for name in key.split("."):
+        value = getattr(value, name, None)
+        value = value[0] if isinstance(value, tuple) and value else value or None
+    return math.nan if value is None else float(value)

@@ -17,7 +17,7 @@ from truearc.robot.config.shot_map import MOTOR, OutcomeKeys, ShotMap, Signal, T
 from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Floats
 from truearc.sim.data.log import KEY, TIME, VALUE, Log, Series, state_or_pulse
-from truearc.sim.data.mapped_shots import PLACE, SECONDS, Reading, outcome_text, times
+from truearc.sim.data.mapped_shots import PLACE, SECONDS, SPEED, Reading, outcome_text, times
 from truearc.sim.data.table import SAID_OF_SHOTS, SERVO, SPELLINGS, RawTable, is_shot_column, parse_number, read_as
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
@@ -38,6 +38,8 @@ GEARED = ("motor_rad_s: taken to be the speed of the motors; where it is that of
           "times = 1 / gear")
 TWO_POINTS = (": a servo's position, not an angle; measure two angles or more, and state them in rig.toml: "
               "[launcher.hood] map = [[0.2, 35.0], [0.8, 58.0]]")
+HIT_OR_MISS = ("; a hit may be a two or a three: where all count alike, state target.three_half_height_m = 0 in "
+               "rig.toml")
 SCORES = {"two", "three"}
 ORDER = ["miss", "hit", "miss-low", "miss-high", "three", "two", "rejected"]           # of words in a text, what counts
 # words of outcomes that may be a miss, too -> what is proposed
@@ -159,7 +161,7 @@ class _Guessing:
             key: series for key, cells in source[0].columns.items() if (series := _series(key, cells)) is not None}
         self.free = {**self.all}                       # that are not taken yet
         self.columns: dict[str, Signal] = {}
-        self.nearly: dict[str, list[str]] = {}         # by columns: signals of such names, and why they are not that
+        self.nearly: dict[str, list[str]] = {}         # by columns: lines on signals of such names that are not that
         self.lines: list[str] = []
 
     def guess(self, time: TimeColumn, has_three: bool, outcomes: dict[str, str]) -> Guess:
@@ -170,20 +172,14 @@ class _Guessing:
         self._take_needed()
         for column in ("battery_v", "temperature_c", "t_s") if self.tables else ("battery_v",):
             if column not in self.columns and not self._take_number(column, column):
-                self.lines += self._nearly(column)
+                self.lines += self.nearly[column]
         if self.tables:
             self._take_texts()
         shot_map = ShotMap(maps.SCHEMA, rows="shot" if self.tables else "time", columns={**self.columns}, time=time)
         if self.log is not None:
             shot_map = structs.replace(shot_map, shots=self._detection())
-        outcome, asked, proposed = OutcomeKeys(), "", dict[str, str]()
-        if found is None:
-            if outcomes:
-                raise InputError(f"{self.name}: outcomes: {', '.join(outcomes)}: there is no signal of outcomes")
-            outcome, line = self._boolean(shot_map)
-            self.lines.append(line)
-        else:
-            outcome, asked, proposed = self._read_words(*found, has_three, outcomes)
+        outcome, asked, proposed = (self._boolean(shot_map, outcomes) if found is None else
+                                    self._read_words(*found, has_three, outcomes))
         if self.tables and self.free:
             self.lines.append(f"not used: {', '.join(self.free)}")
         return Guess(structs.replace(shot_map, outcome=outcome), tuple(self.lines), asked, proposed)
@@ -216,11 +212,10 @@ class _Guessing:
         speed = MOTOR if self.rig.launcher.free_speed_rad_s or not wheels else f"wheel_{wheels[0].name}_rad_s"
         missing = dict[str, str]()                     # column: as which column of a map
         for column, instead in NEEDED.items():
-            have = {one if maps.WHEEL.fullmatch(one) is None else MOTOR for one in self.columns}
+            have = {MOTOR if maps.WHEEL.fullmatch(one) else one for one in self.columns}
             read = speed if column == MOTOR else column
-            if have & {column, *instead} or self._take_number(column, read):
-                continue
-            if column != "hood_deg" or not self._take_number(SERVO, SERVO):
+            if not have & {column, *instead} and not self._take_number(column, read) and not (
+                    column == "hood_deg" and self._take_number(SERVO, SERVO)):
                 missing[column] = read
         if missing:
             raise self._not_recognised(missing)
@@ -230,7 +225,8 @@ class _Guessing:
         scored = [(*self._score(series, column), -len(key), key) for key, series in self.free.items()
                   if self.tables or len(series.t_s) > 1]
         fit = [(score, length, key) for score, unfit, length, key in scored if score > 0.0 and not unfit]
-        self.nearly[column] = [f"{key}: {unfit}" for score, unfit, _, key in scored if score > 0.0 and unfit]
+        self.nearly[column] = [f"{column}: not {key}: {unfit}" for score, unfit, _, key in scored
+                               if score > 0.0 and unfit][:MOST_NEAR]
         if not fit:
             return False
         *_, key = max(fit, key=lambda one: one[:2])
@@ -244,24 +240,18 @@ class _Guessing:
             self.lines[-1] += f"; from the vertical, so {quarter:g} less that"
         if read == SERVO:
             self.lines[-1] += TWO_POINTS if self.rig.launcher.hood is UNSET else ", an angle by launcher.hood.map"
-        if read == MOTOR:
-            self.lines.append(GEARED)
+        self.lines += [GEARED] * (read == MOTOR)
         return True
-
-    def _nearly(self, column: str) -> list[str]:
-        """A line for each signal that is called like a column and was not taken for it."""
-        return [f"{column}: not {line}" for line in self.nearly[column][:MOST_NEAR]]
 
     def _score(self, series: Series, column: str) -> tuple[float, str]:
         """How much a signal looks like a column by its name and unit, 0 where it cannot be that, and what its numbers
         have against it."""
         (nouns, loose, kinds, never), words = NAMED[column], words_of(series.name)
         said, nouns = set(words), nouns | (loose if self.tables or len(self.all) < MOST_LISTED else frozenset())
-        if not nouns & said or (never | (GROUPS["odd"] - kinds - nouns)) & said:
-            return 0.0, ""
         unit = unit_said(series) or (unit_seen(series, column) if series.numeric else "")
         factor = maps.factor_of(column, unit) if unit else None
-        if factor is None and (unit or (kinds and not kinds & said)):
+        if (not nouns & said or (never | (GROUPS["odd"] - kinds - nouns)) & said
+                or (factor is None and (unit or (kinds and not kinds & said)))):
             return 0.0, ""
         if not series.numeric:
             return 1.0, f"holds texts, such as {series.values[0]!r}; write numbers alone"
@@ -285,7 +275,7 @@ class _Guessing:
         def outside(values: Floats) -> np.ndarray:
             """Those out of the range; all where too many are. One cell alone is named when the table is read."""
             wrong = (values > high) | ((values < low) & (column != MOTOR))
-            return np.full(len(values), True) if values.max() < low else wrong & (wrong.mean() > 1.0 - NEARLY_ALL)
+            return (wrong & (wrong.mean() > 1.0 - NEARLY_ALL)) | (values.max() < low)
         values, steps = read(unit), np.diff(numbers)
         top, wrong = float(values.max()), np.flatnonzero(outside(values))
         turns = np.flatnonzero(steps * (np.median(np.sign(steps) if steps.size else 0.0) or 1.0) < 0.0)
@@ -317,17 +307,14 @@ class _Guessing:
         order."""
         for key, series in list(self.free.items()):
             said, cells = set(words_of(key)), self.tables[0].columns[key]
-            for column in cols.TEXTS:
-                nouns = GROUPS[column]
-                if column not in self.columns and nouns & said and not said - nouns - GROUPS["numbered"] and (
-                        None not in cells and 2 * len(set(cells)) <= len(cells)):
-                    self._take(column, key)
-                    break
-            if said - GROUPS["numbered"] or not (said or key == "#"):
-                continue
-            if "t_s" not in self.columns and series.numeric and _rises(series):
+            texts = [column for column in cols.TEXTS if column not in self.columns and GROUPS[column] & said
+                     and not said - GROUPS[column] - GROUPS["numbered"]]
+            if texts and None not in cells and 2 * len(set(cells)) <= len(cells):
+                self._take(texts[0], key)
+            numbered = not said - GROUPS["numbered"] and (said or key == "#")
+            if numbered and "t_s" not in self.columns and series.numeric and _rises(series):
                 self._take("t_s", key, note=": the order of the shots")
-            if "shot_id" not in self.columns and self._is_name(key):
+            if numbered and "shot_id" not in self.columns and self._is_name(key):
                 self._take("shot_id", key)
 
     def _is_name(self, key: str) -> bool:
@@ -347,7 +334,7 @@ class _Guessing:
         return InputError("\n".join([
             f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing.values())}; write a map by "
             "hand: docs/how-to/importing.md", *(f"recognised: {line}" for line in self.lines),
-            *(line for column in missing for line in self._nearly(column)), f"{kind}s with numbers:",
+            *(line for column in missing for line in self.nearly[column]), f"{kind}s with numbers:",
             *(f"  {key}: {min(moving[key]):.4g} to {max(moving[key]):.4g} {unit_said(self.all[key])}".rstrip()
               for key in keys[:MOST_LISTED]), *rest]))
 
@@ -356,7 +343,7 @@ class _Guessing:
     def _detection(self) -> maps.Detection:
         """The set point: a signal of the speed's words, but wanted, that the speed follows. The feeder: a boolean that
         names it."""
-        speed = next(said for column, said in self.columns.items() if column == MOTOR or maps.WHEEL.fullmatch(column))
+        speed = next(said for column, said in self.columns.items() if SPEED.fullmatch(column))
         scale, _ = maps.factor_of(MOTOR, speed.unit) or (1.0, 0.0)
         top, own = scale * _top(self.all[speed.key]), {*words_of(speed.key)}
         wanted, feeders = list[tuple[int, int, str]](), list[tuple[int, int, str]]()
@@ -437,33 +424,32 @@ class _Guessing:
             self.lines.append(f"outcome: {key}: empty ({times(counts[''])}): left out")
             values[""] = maps.NOT_MARKED[0]
         asked = (f"{self.name}: {key}: the meaning is not certain of "
-                 + ", ".join(f"{text!r} ({times(counts[text])})" for text in unclear)
-                 + ("; a hit may be a two or a three: where all count alike, state target.three_half_height_m = 0 in "
-                    "rig.toml" if any(words[text] for text in unclear) else "")
-                 + f". Proposed: {', '.join(f'{text} = {word}' for text, word in proposed.items() if text != word)}"
-                 ) if unclear else ""
-        return OutcomeKeys(key=self._key(key), values=values), asked, proposed
+                 f"{', '.join(f'{text!r} ({times(counts[text])})' for text in unclear)}"
+                 f"{HIT_OR_MISS if any(words[text] for text in unclear) else ''}. Proposed: "
+                 f"{', '.join(f'{text} = {word}' for text, word in proposed.items() if text != word)}")
+        return OutcomeKeys(key=self._key(key), values=values), asked if unclear else "", proposed
 
-    def _boolean(self, shot_map: ShotMap) -> tuple[OutcomeKeys, str]:
-        """A boolean of a log that names a hit, and what is taken of it."""
+    def _boolean(self, shot_map: ShotMap, given: dict[str, str]) -> tuple[OutcomeKeys, str, dict[str, str]]:
+        """A boolean of a log that names a hit."""
+        if given:
+            raise InputError(f"{self.name}: outcomes: {', '.join(given)}: there is no signal of outcomes")
         for key, series in () if self.log is None else self.log.items():
             if says(key, "scored") and series.numeric and set(np.unique(series.values)) <= {0.0, 1.0}:
                 shots = Reading(Path(self.name), self.log or Log({}), shot_map, self.rig).shots()
                 values, said = state_or_pulse(series, shots.t_s)
-                return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), f"outcome: {key}: {said}"
-        return OutcomeKeys(), NO_OUTCOME
+                self.lines.append(f"outcome: {key}: {said}")
+                return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), "", {}
+        self.lines.append(NO_OUTCOME)
+        return OutcomeKeys(), "", {}
 
 
 def _series(name: str, cells: list[cols.Cell]) -> Series | None:
     """A table's column: numbers where most cells are, as the others are named when the table is read."""
-    rows = [row for row, cell in enumerate(cells) if cell is not None and str(cell).strip()]
-    numbers = [parse_number(cells[row]) for row in rows]
-    if not rows:
-        return None
-    t_s = np.array(rows, dtype=float)
-    if 2 * numbers.count(None) >= len(numbers):
-        return Series(name, t_s, tuple(str(cells[row]).strip() for row in rows), each_row=True)
-    return Series(name, t_s, np.array(numbers, dtype=float), each_row=True)
+    filled = {row: str(cell).strip() for row, cell in enumerate(cells) if cell is not None and str(cell).strip()}
+    numbers, t_s = [parse_number(cells[row]) for row in filled], np.array([*filled], dtype=float)
+    texts = 2 * numbers.count(None) >= len(numbers)
+    return Series(name, t_s, tuple(filled.values()) if texts else np.array(numbers, dtype=float), each_row=True
+                  ) if filled else None
 
 
 def _is_named(key: str, counts: Counter[str]) -> bool:
