@@ -43,7 +43,7 @@ UNLINKED = 3.0                        # times as far do tracks of other shots ag
 MIXED = 3.0                           # nats that another unit in one row costs; derived: one row in twenty, ln 20
 SCORES = 6                            # fewest shots that are judged; chosen: twice the numbers that they may fix
 # Chosen: quartiles of the priors and beyond, by which each start is near enough for Gauss-Newton
-STARTS = np.array([[cd, cl] for cd in (-0.8, 1.2) for cl in (-0.7, 0.5, 1.5)])
+STARTS = np.array([[cd, cl] + [0.0] * (len(TERMS) - 2) for cd in (-0.8, 1.2) for cl in (-0.7, 0.5, 1.5)])
 STEP, BOUND = 0.2, 4.0                # of derivatives, and bound of parameters, in standard deviations
 SAMPLES = 8                           # fewest of a track that is judged; chosen: twice the numbers of a cubic
 TRACKS = 3                            # fewest tracks that are judged; chosen: one slip does not decide a median
@@ -125,24 +125,20 @@ def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: floa
         # g / u0^2, first as if the slope stayed: a fall then is (e^a - 1 - a) x^2 / a^2
         a = np.clip(2.0 * drag_m * np.sqrt(1.0 + slope**2) * distance_m, 1e-3, 30.0)
         weight = np.maximum(distance_m * slope - rise_m, 1e-3) / distance_m**2 * a * a / (np.expm1(a) - a)
+
+        def rates(state: Floats, weight: Floats, lift: Any) -> Floats:
+            p = slope + state[1] - state[0]
+            square, slow = 1.0 + p * p, np.exp(-state[2])
+            lifts = lift * slow
+            return np.array([weight * slow * slow, lifts * square, -np.sqrt(square) * drag_m - lifts * p])
+
         for _ in range(turns):
-            fallen = lifted = bent_down = bent_up = log_u = np.zeros_like(weight)
             lift = lift_s * np.sqrt(weight / gravity_m_s2)
-
-            def rates(down: Any, up: Any, log_u: Any, lift: Any = lift, weight: Any = weight) -> tuple[Any, Any, Any]:
-                p = slope + up - down
-                square = 1.0 + p * p
-                slow = np.exp(-log_u)
-                lifts = lift * slow
-                return weight * slow * slow, lifts * square, -np.sqrt(square) * drag_m - lifts * p
-
+            state = heights = np.zeros((3, *weight.shape))        # bent down, bent up, log speed; fallen, lifted
             for _ in range(steps):
-                first = rates(bent_down, bent_up, log_u)
-                down, up = bent_down + 0.5 * step * first[0], bent_up + 0.5 * step * first[1]
-                middle = rates(down, up, log_u + 0.5 * step * first[2])
-                bent_down, bent_up = bent_down + step * middle[0], bent_up + step * middle[1]
-                log_u, fallen, lifted = log_u + step * middle[2], fallen + step * down, lifted + step * up
-            change = (distance_m * slope + lifted - rise_m) / fallen
+                middle = state + 0.5 * step * rates(state, weight, lift)
+                state, heights = state + step * rates(middle, weight, lift), heights + step * middle
+            change = (distance_m * slope + heights[1] - rise_m) / heights[0]
             weight = weight * np.clip(change, 0.1, 10.0)
         speed = np.sqrt(gravity_m_s2 * (1.0 + slope**2) / weight)
         sound = (np.abs(np.log(change)) < 0.1) & (distance_m > 0.0)
@@ -201,16 +197,18 @@ def _priors() -> tuple[Floats, Floats]:
     return np.array([to_scale(one.scale, one.centre) for one in known]), np.array([one.sd for one in known])
 
 
-def _forces(dataset: Dataset, rows: Any, spin: Floats, speed: Floats) -> tuple[Floats, Floats]:
-    """Drag [1/m] and lift [1/s] for coefficients of 1; of a spin that is not known, of a usual one."""
-    radius_m, mass_kg = (np.where(np.isfinite(own := dataset.shots.number(name)), own, rigs)[rows] for name, rigs in (
-        ("radius_m", dataset.rig.ball.radius_m), ("mass_kg", dataset.rig.ball.mass_kg)))
+def _leaving(dataset: Dataset, rows: Any, seen_m_s: Any = None) -> tuple[Floats, Any, Floats, Floats]:
+    """Speed by the launcher, whether it was measured, drag [1/m] and lift [1/s] for coefficients of 1; of a spin that
+    is not known, of a usual one. seen_m_s: by tracks."""
+    shots, (speed, spin) = dataset.shots, (column[rows] for column in launched(dataset))
+    radius_m, mass_kg = (np.where(np.isfinite(own := shots.number(name)), own, getattr(dataset.rig.ball, name))[rows]
+                         for name in ("radius_m", "mass_kg"))
     drag = np.pi * radius_m**2 * dataset.rig.air.density_kg_m3 / mass_kg
-    usual = LIFTING / 2.0 / np.pi / radius_m * speed
+    usual = LIFTING / 2.0 / np.pi / radius_m * (speed if seen_m_s is None else seen_m_s)
     # wheels give a ball a little more spin than they tell
-    measured = np.isfinite(dataset.shots.number("exit_spin_rev_s")[rows])
+    measured = np.isfinite(shots.number("exit_spin_rev_s")[rows])
     turned = np.where(measured | (np.abs(spin) > 0.5 * usual), spin, 0.5 * usual)
-    return np.minimum(0.5 * drag, 10.0), np.clip(
+    return speed, ~by_wheels(shots)[rows], np.minimum(0.5 * drag, 10.0), np.clip(
         16.0 / 3.0 * np.pi * radius_m * drag * turned, -100.0, 100.0)
 
 
@@ -235,12 +233,9 @@ def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, 
     half = np.where(np.array(shots.text("outcome"))[judged] == "three", target.three_half_height_m,
                     target.two_half_height_m)
     stated = rig.launcher.release_height_m
-    low = sd[RISE] if stated else 0.3
-    rise = target.centre_height_m - (stated or UNSTATED_M)
+    low, rise = sd[RISE] if stated else 0.3, target.centre_height_m - (stated or UNSTATED_M)
     distance, angle = shots.number("distance_m")[judged], elevation_deg(dataset)[judged]
-    speed, spin = (column[judged] for column in launched(dataset))
-    drag, lift = _forces(dataset, judged, spin, speed)
-    measured = ~by_wheels(shots)[judged]
+    speed, measured, drag, lift = _leaving(dataset, judged)
 
     def need(theta: Floats, higher_m: Any = 0.0, farther_m: Any = 0.0) -> Floats:
         lane = (centre + sd * theta)[:, :, None]
@@ -252,9 +247,8 @@ def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, 
         with np.errstate(invalid="ignore"):
             off = np.clip(_left(theta, speed, measured) - need(theta), -LOST, LOST)
         return off, np.full(off.shape, np.nan)
-    aimed = 0.4 * half                # chosen: balls are aimed at the middle of the opening
+    off_m = np.array([[0.2], [-0.2]]) * half          # chosen: balls are aimed at the middle of the opening
     with np.errstate(invalid="ignore"):
-        off_m = np.array([[0.5], [-0.5]]) * aimed
         up, down = need(np.zeros((2, len(TERMS))), **{"farther_m" if target.faces_up else "higher_m": off_m})
     return residuals, np.clip(np.nan_to_num(np.abs(up - down), nan=0.02, posinf=0.02), 1e-4, 0.2)
 
@@ -263,10 +257,9 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
     """Accelerations, where flights begin and go, and how they agree with angle, speed and distance of their shots."""
     rig, shots, g, own = dataset.rig, dataset.shots, dataset.rig.world.gravity_m_s2, motion.shot
     centre, sd = _priors()
-    speed, spin = (column[own] for column in launched(dataset))
     velocity, (accelerated, place, end, first) = motion.vectors[:, :3], motion.vectors[:, 3:].swapaxes(0, 1)
     total = np.linalg.norm(first, axis=1)
-    drag, lift = _forces(dataset, own, spin, total)
+    speed, measured, drag, lift = _leaving(dataset, own, total)
     size = np.linalg.norm(velocity, axis=2, keepdims=True)
     up = np.cross(velocity, np.cross([0.0, 0.0, 1.0], velocity))
     up = up / np.maximum(np.linalg.norm(up, axis=2, keepdims=True), 1e-12) * size
@@ -291,9 +284,9 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
     widths = np.array([*[unsure] * 3, 0.06 + 0.06 * far + fallen,
                        0.15 + 0.1 * far + 0.1 * np.abs(place[:, 2]), 0.15 + 0.2 * np.abs(place[:, 2]),
                        (180.0 if upright else 8.0) + np.degrees(0.05 / np.maximum(along, 1e-9)),
-                       1.5 + far, 0.05 + 0.05 * far])
-    too_long = np.where(longer > 0.0, longer / 0.2, longer / 1.5)
-    known = np.isfinite(elevation_deg(dataset)[own]), speed > 0.0, np.isfinite(longer)
+                       1.5 + far, 0.05 + 0.05 * far, np.ones(len(own))])
+    too_long = np.where(np.isfinite(longer), np.where(longer > 0.0, longer / 0.2, longer / 1.5), 0.0)
+    elevation, unlinked = elevation_deg(dataset)[own], [1.0] * 7 + [UNLINKED if motion.unlinked else 1.0] * 3
 
     def residuals(theta: Floats) -> tuple[Floats, Floats]:
         lane = (centre + sd * theta)[:, :, None, None]
@@ -301,18 +294,14 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
         tilt = math.radians(2.5) * theta[:, TILT, None]
         pull = np.stack([pull[..., 0] - tilt * pull[..., 2], pull[..., 1], pull[..., 2] + tilt * pull[..., 0]])
         bend = accelerated.T[:, None, :] - pull * (1.0 + 0.11 * theta[:, SCALE, None])
-        angle = elevation_deg(dataset)[own] + sd[HOOD] * theta[:, [HOOD]] + 2.5 * theta[:, [TILT]] - rises
-        quick = _left(theta, speed, ~by_wheels(shots)[own]) + 0.06 * theta[:, [SCALE]] - faster
-        lanes = np.ones((len(theta), 1))
-        off = np.stack([*bend, begins + 0.044 * theta[:, [TILT]] * far + low * theta[:, [RISE]],
-                        lanes * (place[:, 1] - first[:, 1] * back),
-                        lanes * np.minimum(place[:, 0], 0.0), lanes * aside,
-                        np.where(known[0], angle, 0.0), np.where(known[1], quick, 0.0)], axis=1)
+        angle = elevation + sd[HOOD] * theta[:, [HOOD]] + 2.5 * theta[:, [TILT]] - rises
+        quick = _left(theta, speed, measured) + 0.06 * theta[:, [SCALE]] - faster
+        off = np.stack(np.broadcast_arrays(
+            *bend, begins + 0.044 * theta[:, [TILT]] * far + low * theta[:, [RISE]], place[:, 1] - first[:, 1] * back,
+            np.minimum(place[:, 0], 0.0), aside, np.where(np.isfinite(elevation), angle, 0.0),
+            np.where(speed > 0.0, quick, 0.0), too_long), axis=1)
         off = np.where(np.isfinite(off), off, 0.0 if upright else LOST * widths) / widths
-        off = np.concatenate([off, (lanes * np.where(known[2], too_long, 0.0))[:, None]], axis=1)
-        widen = np.ones_like(off)
-        widen[:, 7:] = UNLINKED if motion.unlinked else 1.0
-        return off.reshape(len(theta), -1), widen.reshape(len(theta), -1)
+        return off.reshape(len(theta), -1), np.tile(np.repeat(unlinked, len(own)), (len(theta), 1))
     return residuals
 
 
@@ -335,9 +324,8 @@ def _judge(readings: Sequence[Rows], theta: Floats) -> Judged:
     offs, sd = (np.stack(columns) for columns in zip(*(rows.residuals(theta) for rows in readings), strict=True))
     wide, unknown = np.stack([rows.wide for rows in readings]), np.isnan(sd)[:, None]
     width = np.where(unknown, np.hypot(SCATTERS[:, None, None], wide[:, None, None]), sd[:, None])
-    cost = 0.5 * (FREEDOM + 1.0) * np.log1p((offs[:, None] / width)**2 / FREEDOM)
-    # [readings, scatters, lanes, shots]
-    each = (readings[0].weight * (cost + np.log(width / np.where(unknown, SCATTERS[0], 1.0)))) @ onto
+    cost = nats_of(offs[:, None] / width) + np.log(width / np.where(unknown, SCATTERS[0], 1.0))
+    each = (readings[0].weight * cost) @ onto            # [readings, scatters, lanes, shots]
     each[1:] += MIXED * np.minimum(1.0, FULL / max(len(shots), 1))
     which = each.argmin(axis=0)
     spread = unknown.any() * 0.5 * (np.maximum(np.log(SCATTERS) - USUAL, 0.0) / SPREAD)**2
@@ -350,20 +338,23 @@ def _judge(readings: Sequence[Rows], theta: Floats) -> Judged:
     return Judged(score, off, curve, picked, off / width, spread[best])
 
 
+def nats_of(off: Floats) -> Floats:
+    """Return what residuals cost, in standard deviations."""
+    return np.asarray(0.5 * (FREEDOM + 1.0) * np.log1p(off**2 / FREEDOM))
+
+
 def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 4, lanes: int = 2) -> Fit:
     """The best believable physics; each shot is read as the likelier of `readings`. near: more starts."""
     scattered = readings[0].wide > 0.0          # speeds of shots
-    starts = np.zeros((len(STARTS), len(TERMS)))
-    starts[:, [CD, CL]] = STARTS
-    starts = np.concatenate([*(one[None] for one in near), starts])
+    starts = np.vstack([*near, STARTS])
     last = _judge(readings, starts)
     if scattered.any():               # whatever the wheels lose: the middle shot goes as it should
         starts[:, LOSS] -= np.clip(np.median(last.off[:, scattered], axis=1) / _priors()[1][LOSS], -3.0, 3.0)
         last = _judge(readings, starts)
     best = starts[np.argsort(-last.score)[:lanes]]
-    moves, shares = STEP * np.eye(len(TERMS)), np.array([0.0, 1.0, 0.4, 0.1])
+    moves, shares = STEP * np.eye(len(TERMS) + 1, len(TERMS), -1), np.array([0.0, 1.0, 0.4, 0.1])
     for _ in range(turns if len(readings[0].whose) else 0):
-        moved = best[:, None] - np.where(best > 0.0, 1.0, -1.0)[:, None, :] * np.concatenate([moves[:1] * 0.0, moves])
+        moved = best[:, None] - np.where(best > 0.0, 1.0, -1.0)[:, None, :] * moves
         judged = _judge(readings, moved.reshape(-1, len(TERMS)))
         off = judged.off.reshape(*moved.shape[:2], -1)
         change = off[:, 1:] - off[:, :1]
@@ -377,7 +368,7 @@ def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 
         best = tried[np.arange(len(best)), score.argmax(axis=1)]
     last = _judge(readings, best)
     at = int(last.score.argmax())
-    each = 0.5 * (FREEDOM + 1.0) * np.log1p(last.rest[at]**2 / FREEDOM)
+    each = nats_of(last.rest[at])
     common = last.spread[at] + 0.5 * best[at] @ best[at] + readings[0].unusual
     return Fit(float(last.score[at]), float(np.maximum(each - ORDINARY, 0.0) @ readings[0].weight + common),
                float(each @ readings[0].weight + common), best[at], last.rest[at],
@@ -404,9 +395,7 @@ def lifts_less(rows: Rows, known: Fit) -> float:
 def measure_motion(tracks: Tracks, without: frozenset[int] = frozenset()) -> Motion | None:
     """Fit each track but those of shots `without` by a polynomial; None where there are too few."""
     measured = []
-    for shot, t_s, places in _sampled(tracks):
-        if shot in without:
-            continue
+    for shot, t_s, places in (one for one in _sampled(tracks) if one[0] not in without):
         half_s, scaled = np.ptp(t_s) / 2.0, 2.0 * (t_s - t_s[0]) / np.ptp(t_s) - 1.0
         degree = 4 if len(t_s) >= 2 * SAMPLES else 3
         fit, basis = polynomial.polyfit(scaled, places, degree), polynomial.polyvander(scaled, degree)
@@ -464,10 +453,9 @@ def unusual(dataset: Dataset) -> float:
             "rim of all": around * np.sqrt(sum(shots.number(name)**2 for name in SPIN_VECTOR)),
             **{f"motor of {wheel.name}": shots.number(f"wheel_{wheel.name}_rad_s") / (motor * wheel.gear)
                for wheel in rig.launcher.wheel}, "allowed": _by_allowed(dataset)}
-    found |= {key: value_of(dataset, key) if "." in key else shots.number(key)
-              for key in QUANTITIES if key not in found}
-    if rig.target is None:            # balls may be dropped from a tower
-        del found["launcher.release_height_m"]
+    # without a target, balls may be dropped from a tower
+    found |= {key: value_of(dataset, key) if "." in key else shots.number(key) for key in QUANTITIES
+              if key not in found and (rig.target or key != "launcher.release_height_m")}
     nats = 0.0
     for key, value in found.items():
         about = QUANTITIES[key.partition(" of")[0]]

@@ -10,6 +10,7 @@ import re
 import shlex
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,8 +21,8 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import too_large
 from truearc.robot.config.shot_map import in_unit
 from truearc.sim.check import believable
-from truearc.sim.check.believable import TABLE, UNITS, Fit, Motion, Reading, elevation_deg, explain, launched, rows_of
-from truearc.sim.data.dataset import Dataset, Floats, Shots, Times
+from truearc.sim.check.believable import TABLE, UNITS, Fit, Motion, Reading, elevation_deg, explain, nats_of, rows_of
+from truearc.sim.data.dataset import Dataset, Floats, Times
 from truearc.sim.data.table import SPIN_VECTOR, WHEEL
 from truearc.sim.physics.simulate import has_wheels
 
@@ -57,7 +58,7 @@ OF_TRACKS = [{"of": [f"{axis}_m" for axis in axes], "check": "gravity", "rare": 
               "matrix": np.diag([metres if axis in axes else 1.0 for axis in "xyz"])}
              for unit, (suffix, metres) in UNITS["length"].items() if metres != 1.0
              for axes, rare, single in (("xyz", 0.0, unit), ("z", 2.0, ""))] + TABLE["tracks"]
-Slips = Iterator[tuple[dict[str, Any], str, Reading, dict[str, Any]]]   # row, place, the data with it undone, words
+Slips = Iterator[tuple[dict[str, Any], Any, dict[str, Any]]]            # row, what is then read, words
 
 
 class Flaw(NamedTuple):
@@ -230,39 +231,27 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
 def _each(reading: Reading, known: Fit) -> Iterator[Flaw]:
     """Yield warnings of what the speeds of all shots tell, misses among them: another unit of some, reversed signs."""
     shots, rows = reading.dataset.shots, believable.flown_shots(reading.dataset)
-    missed = np.array(shots.text("outcome"))[rows] == "miss"
-
-    def off(undone: Reading) -> Floats:
-        return believable.speeds_off(undone, rows, known)
-
-    def nats(undone: Reading) -> Floats:
-        widths = off(undone) / np.where(missed, MISSED, SCORED)
-        return np.asarray(0.5 * (believable.FREEDOM + 1.0) * np.log1p(widths**2 / believable.FREEDOM))
+    off, missed = believable.speeds_off(reading, rows, known), np.array(shots.text("outcome"))[rows] == "miss"
+    width = np.where(missed, MISSED, SCORED)
     found: list[tuple[float, Flaw]] = []
     for cause in filter(lambda cause: cause.mixed, causes(reading._replace(motion=None))):
-        better = nats(reading) - nats(cause.undone) - believable.MIXED
+        undone = believable.speeds_off(cause.undone, rows, known)
+        better = nats_of(off / width) - nats_of(undone / width) - believable.MIXED
         ids = [shots.shot_id[row] for row in rows[better > 0.0]]
         found.append((better[better > 0.0].sum() - MIXED, cause.flaw._replace(
             warns=True, what=f"{len(ids)} of {len(rows)} shots look like {cause.single}; make sure of these: "
             f"{_listed(ids)}")))
     yield from (flaw for gain, flaw in sorted(found, reverse=True)[:1] if gain > BETTER)
-    up = ups(shots)[rows]
+    side, height = np.array(shots.text("side"))[rows], np.nan_to_num(shots.number("miss_height_m"))[rows]
+    up = np.select([np.isin(side, ("high", "long")), np.isin(side, ("low", "short"))], [1.0, -1.0], np.sign(height))
     if min((up > 0.0).sum(), (up < 0.0).sum()) >= believable.SCORES:
         # beside what the physics does not explain by distance and angle
         by = np.column_stack([up, np.ones(len(rows)), shots.number("distance_m")[rows],
                               elevation_deg(reading.dataset)[rows]])
-        slope, *_ = np.linalg.lstsq(by, off(reading))
-        spread = np.std(off(reading) - by @ slope) * math.sqrt(np.linalg.pinv(by.T @ by)[0, 0])
-        if slope[0] < -SURE * spread:
+        slope, *_ = np.linalg.lstsq(by, off)
+        if slope[0] < -SURE * np.std(off - by @ slope) * math.sqrt(np.linalg.pinv(by.T @ by)[0, 0]):
             yield from remark(reading.dataset, "reversed",
                               column="side" if "side" in shots.texts else "miss_height_m")
-
-
-def ups(shots: Shots) -> Floats:
-    """Return 1 for shots that passed high or came down long, -1 for low or short ones, by the side or else the height;
-    0 where neither says it."""
-    side, height = np.array(shots.text("side")), np.nan_to_num(shots.number("miss_height_m"))
-    return np.select([np.isin(side, ("high", "long")), np.isin(side, ("low", "short"))], [1.0, -1.0], np.sign(height))
 
 
 def _unmeasured(dataset: Dataset) -> Iterator[Flaw]:
@@ -296,9 +285,9 @@ def _stated(dataset: Dataset) -> Iterator[Flaw]:
             np.isfinite(speeds).all(axis=0).sum() >= believable.SCORES):
         logs = np.log(np.maximum(np.abs(speeds), 1e-9))
         ratios = np.nanmedian(logs - logs[0], axis=1)
-        for name, off, most in (("equal", ratios, 1e-9), ("exchanged", ratios + np.log(gears) - np.log(gears)[0],
-                                                          GEARED)):
-            yield from remark(dataset, name, columns=", ".join(turning)) if np.abs(off).max() < most else ()
+        off = {"equal": ratios / 1e-9, "exchanged": (ratios + np.log(gears) - np.log(gears)[0]) / GEARED}
+        for name in off:
+            yield from remark(dataset, name, columns=", ".join(turning)) if np.abs(off[name]).max() < 1.0 else ()
     heights, sides = shots.number("miss_height_m"), np.array(shots.text("side"))
     stated = np.isin(sides, ("low", "high")) & (np.abs(heights) > 0.0)
     wrong = np.flatnonzero(stated & (np.where(sides == "low", -heights, heights) < 0.0))
@@ -311,7 +300,7 @@ def _of_rim(dataset: Dataset) -> Iterator[Flaw]:
     if target is None or not target.faces_up:
         return
     angle, release_m = np.radians(elevation_deg(dataset)), rig.launcher.release_height_m
-    rise_m, up_m_s = target.centre_height_m - release_m, launched(dataset)[0] * np.sin(angle)
+    rise_m, up_m_s = target.centre_height_m - release_m, believable.launched(dataset)[0] * np.sin(angle)
     above_m = LIFTED * up_m_s[np.isfinite(up_m_s)]**2 / (2.0 * rig.world.gravity_m_s2)
     if len(above_m) and above_m.max() < rise_m:
         yield from remark(dataset, "ceiling", rim=target.centre_height_m, top=release_m + above_m.max())
@@ -367,12 +356,6 @@ def beyond(of: str, values: Floats, words: Callable[[int], dict[str, Any]] = lam
             return
 
 
-def _with_numbers(reading: Reading, columns: dict[str, Floats]) -> Reading:
-    """Return the reading with other columns of shots."""
-    shots = reading.dataset.shots
-    return reading._replace(dataset=replace(reading.dataset, shots=replace(shots, numbers=shots.numbers | columns)))
-
-
 def _with_rig(reading: Reading, key: str, by: Callable[[float], float]) -> Reading:
     """Return the reading with another number in the rig, for wheels in each of them."""
     part, *wheels, name = key.split(".")
@@ -391,7 +374,8 @@ def causes(reading: Reading) -> Iterator[Cause]:
             yield cause._replace(rare=MIXED, mixed=True)
 
 
-def _slips(reading: Reading) -> Slips:
+def _slips(reading: Reading) -> Iterator[tuple[dict[str, Any], str, Reading, dict[str, Any]]]:
+    """Yield row of slips.toml, place, the data with it undone, words."""
     dataset, shots = reading.dataset, reading.dataset.shots
     known = {name for name, column in shots.numbers.items() if np.isfinite(column).any()}
     groups = {name: [name] for name in known} | {
@@ -400,79 +384,76 @@ def _slips(reading: Reading) -> Slips:
     known |= {"gears" for wheel in dataset.rig.launcher.wheel if wheel.gear not in (0.0, 1.0, -1.0)}
     if known & {"wheel", "motor_ratio"} and "exit_speed_m_s" not in shots.numbers:
         known.add("by wheels")
-    for key, about in believable.QUANTITIES.items():
-        yield from _units(reading, groups[key], about) if "units" in about and groups.get(key) else ()
-    for row in filter(lambda row: known.issuperset(row.get("needs", ())), OF_RIG):
+    of_rig, of_shots = (filter(lambda row: known.issuperset(row.get("needs", ())), rows)
+                        for rows in (OF_RIG, TABLE["shots"]))
+    in_units = (_units(dataset, groups[key], about) for key, about in believable.QUANTITIES.items()
+                if "units" in about and groups.get(key))
+    for row, columns, words in chain(*in_units, *(_of_shots(dataset, row, groups) for row in of_shots)):
+        undone = replace(dataset, shots=replace(shots, numbers=shots.numbers | columns))
+        yield row, f"{shots.source}: {', '.join(columns)}", reading._replace(dataset=undone), words
+    for row in of_rig:
         if not math.isnan(size := believable.value_of(dataset, row["of"])):
             by = row["times"].__mul__ if "times" in row else lambda old: old and 1.0 / old
             yield row, f"rig.toml: {row['of']}", _with_rig(reading, row["of"], by), {"size": by(size)}
-    for row in filter(lambda row: known.issuperset(row.get("needs", ())), TABLE["shots"]):
-        yield from _of_shots(reading, row, groups)
-    if reading.motion is not None:
-        yield from _of_tracks(reading, reading.motion)
+    for row, motion, words in _of_tracks(dataset, reading.motion) if reading.motion else ():
+        yield row, f"tracks: {', '.join(row['of'])}", reading._replace(motion=motion), words
 
 
-def _of_shots(reading: Reading, row: dict[str, Any], groups: dict[str, list[str]]) -> Slips:
-    shots, wheels = reading.dataset.shots, reading.dataset.rig.launcher.wheel
-    gears = {f"wheel_{wheel.name}_rad_s": wheel.gear for wheel in wheels}
+def _of_shots(dataset: Dataset, row: dict[str, Any], groups: dict[str, list[str]]) -> Slips:
+    shots = dataset.shots
+    gears = {f"wheel_{wheel.name}_rad_s": wheel.gear for wheel in dataset.rig.launcher.wheel}
     for first in filter(groups.get, row["of"]):
-        others = [name for other in row.get("exchange", ()) for name in groups.get(other, [])]
-        sizes = {name: shots.written.get(name, ("", 1.0))[1] for name in (first, *others)}
-        changes = [{first: shots.number(other) / sizes[other] * sizes[first],
-                    other: shots.number(first) / sizes[first] * sizes[other]} for other in others]
+        for other in chain(*(groups.get(name, ()) for name in row.get("exchange", ()))):
+            by = shots.written.get(first, ("", 1.0))[1] / shots.written.get(other, ("", 1.0))[1]
+            yield row, {first: shots.number(other) * by, other: shots.number(first) / by}, {
+                "both": f"{first} and {other}"}
         if "exchange" not in row:
-            changes = [{name: shots.number(name) * row.get("times", gears.get(name, 1.0)) + row.get("plus", 0.0)
-                        for name in groups[first]}]
-        for columns in changes:
-            yield row, f"{shots.source}: {', '.join(columns)}", _with_numbers(reading, columns), {
-                "both": " and ".join(columns)}
+            yield row, {name: shots.number(name) * row.get("times", gears.get(name, 1.0)) + row.get("plus", 0.0)
+                        for name in groups[first]}, {}
 
 
-def _units(reading: Reading, names: list[str], about: dict[str, Any]) -> Slips:
+def _units(dataset: Dataset, names: list[str], about: dict[str, Any]) -> Slips:
     """Yield other units for columns; heights may be those above the floor."""
-    shots, target, units = reading.dataset.shots, reading.dataset.rig.target, UNITS[about["units"]]
-    place = f"{shots.source}: {', '.join(names)}"
+    shots, target, units = dataset.shots, dataset.rig.target, UNITS[about["units"]]
     written, size, _ = shots.written.get(names[0], (names[0], 1.0, 0.0))
     # the last unit is the column's own
     read = next((unit for unit, (_, factor) in units.items() if math.isclose(factor, size)), [*units][-1])
     for unit, (suffix, factor) in units.items():
         by = factor / units[read][1]
-        undone = _with_numbers(reading, {name: shots.number(name) * by for name in names})
-        words: dict[str, Any] = {"unit": unit, "rename": (
-            f"rename {'each' if names[1:] else 'the column'} to {in_unit(written, suffix)}" if suffix else
-            f"multiply them by {factor:g}") + (f" or multiply it by {factor:.3g}" if unit == "radians" else "")}
+        columns = {name: shots.number(name) * by for name in names}
         if unit != read:
+            rename = (f"rename {'each' if names[1:] else 'the column'} to {in_unit(written, suffix)}" if suffix else
+                      f"multiply them by {factor:g}") + f" or multiply it by {factor:.3g}" * (unit == "radians")
             # a column says its unit or, in metres, has it by default
-            rare = about["rare"] + (0.5 if unit in ("metres", "turns") else 0.0)
-            yield {**about, "what": "these look like {unit}: {rename}", "rare": rare, "single": unit
-                   }, place, undone, words
+            rare = about["rare"] + 0.5 * (unit in ("metres", "turns"))
+            yield {**about, "what": "these look like {unit}: {rename}", "rare": rare, "single": unit}, columns, {
+                "unit": unit, "rename": rename}
         if unit not in (read, "metres") and names == ["distance_m"]:
-            yield {**about, "what": "these look like metres among {unit}", "rare": about["rare"] + 99.0,
-                   "single": f"metres among {unit}"}, place, _with_numbers(
-                       reading, {"distance_m": shots.number("distance_m") / by}), words
+            among = {"what": "these look like {unit}", "rare": about["rare"] + 99.0, "single": f"metres among {unit}"}
+            yield about | among, {"distance_m": shots.number("distance_m") / by}, {"unit": among["single"]}
         if names == ["miss_height_m"] and target is not None:
-            above = undone.dataset.shots.number("miss_height_m") - target.centre_height_m
+            above = columns["miss_height_m"] - target.centre_height_m
             if abs(float(np.nanmedian(above))) < max(TALLEST * target.centre_height_m, target.two_half_height_m):
-                words |= {"height": target.centre_height_m / by,
-                          "rename": f", and rename the column to miss_height_{suffix}" if unit != read else ""}
-                yield TABLE["remarks"]["floor heights"], place, _with_numbers(reading, {"miss_height_m": above}), words
+                rename = f", and rename the column to miss_height_{suffix}" if unit != read else ""
+                yield TABLE["remarks"]["floor heights"], {"miss_height_m": above}, {
+                    "unit": unit, "height": target.centre_height_m / by, "rename": rename}
 
 
-def _of_tracks(reading: Reading, motion: Motion) -> Slips:
+def _of_tracks(dataset: Dataset, motion: Motion) -> Slips:
     """Yield other units, axes, origins and times of tracks, and tracks of the wrong shots."""
     place, end, first = motion.vectors[:, 4:].swapaxes(0, 1)
     turn = math.atan2(*np.median(end - place, axis=0)[1::-1])
     cosine, sine = math.cos(turn), math.sin(turn)
     back = place[:, 0] / np.where(first[:, 0] > 0.0, first[:, 0], np.inf)
     begin = place - first * back[:, None]
-    begin[:, 2] -= 0.5 * reading.dataset.rig.world.gravity_m_s2 * back**2
-    stated, (_, y, z) = reading.dataset.rig.launcher.release_height_m, np.median(begin, axis=0)
+    begin[:, 2] -= 0.5 * dataset.rig.world.gravity_m_s2 * back**2
+    stated, (_, y, z) = dataset.rig.launcher.release_height_m, np.median(begin, axis=0)
     behind, tilted = -float(np.median(place[:, 0])), TILT * abs(float(np.median(place[:, 2])))
     same = np.eye(3)
     undone = {"turned": motion.read(np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])),
               "aside": motion.read(same, by_m=np.array([0.0, -y, 0.0])), "unlinked": motion._replace(unlinked=True),
               "behind": motion.read(same, by_m=np.array([behind if behind > tilted else 0.0, 0.0, 0.0]))}
-    if stated or reading.dataset.rig.target is not None:          # else the height of a tower, maybe, is not stated
+    if stated or dataset.rig.target is not None:          # else the height of a tower, maybe, is not stated
         name = "unstated" if stated == 0.0 else "from exit" if abs(z) < NEAR * stated else "another height"
         undone[name] = motion.read(same, by_m=np.array([0.0, 0.0, stated - z]))
     said: dict[str, Any] = {"degrees": abs(math.degrees(turn)), "side": "left" if turn > 0.0 else "right", "y": y,
@@ -482,4 +463,4 @@ def _of_tracks(reading: Reading, motion: Motion) -> Slips:
             read = undone.get(row["name"]) if "name" in row else motion.read(
                 np.array(row.get("matrix", same), dtype=float), row.get("seconds", 1.0) / rate)
             if read is not None:
-                yield row, f"tracks: {', '.join(row['of'])}", reading._replace(motion=read), {"rate": rate, **said}
+                yield row, read, {"rate": rate, **said}

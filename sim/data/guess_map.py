@@ -4,8 +4,8 @@ import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import UNSET, structs
@@ -22,7 +22,7 @@ from truearc.sim.data.table import SAID_OF_SHOTS, SERVO, SPELLINGS, RawTable, is
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 POINTS = {"0", "1"}, {"0", "2", "3"}  # outcomes as numbers
-SPANS = {MOTOR: (20.0, 3000.0), SERVO: (0.0, 1.0)}     # of a wheel that throws, at its fastest; of a servo
+SPANS = {**cols.RANGES, MOTOR: (20.0, 3000.0), SERVO: (0.0, 1.0)}     # of a wheel that throws; of a servo
 NEARLY_ALL = 0.9                      # share of the numbers that are within the span: -1 is often none
 MOST_RAD = 1.6                        # angles up to here are no degrees
 EPOCH = (("us", 1e14), ("ms", 1e11), ("s", 0.0))       # units of times since 1970, by their size
@@ -60,8 +60,7 @@ NAMED = {column: [_words(kinds.get(kind, ())) for kind in ("nouns", "loose", "ki
 NEEDED = {"distance_m": (), "hood_deg": ("exit_deg",), MOTOR: ("motor_ratio", "exit_speed_m_s")}
 
 
-@dataclass(frozen=True)
-class Guess:
+class Guess(NamedTuple):
     """A map, and a line for each column of how sure it is.
 
     asked: a question about words of outcomes whose meaning is not certain, "" for none; nothing is imported before it
@@ -70,8 +69,8 @@ class Guess:
 
     map: ShotMap
     lines: tuple[str, ...]
-    asked: str = ""
-    proposed: Mapping[str, str] = field(default_factory=dict)
+    asked: str
+    proposed: Mapping[str, str]
 
     def to_toml(self) -> str:
         """The map as a shots.toml, with those lines as comments."""
@@ -127,8 +126,8 @@ def time_column(table: RawTable) -> TimeColumn | None:
     return None
 
 
-def guess_map(source: Log | Sequence[RawTable], rig: Rig, name: str, *, time: TimeColumn | None = None,
-              has_three: bool = True, outcomes: Mapping[str, str] | None = None) -> Guess:
+def guess_map(source: Log | Sequence[RawTable], rig: Rig, name: str, *, time: TimeColumn, has_three: bool,
+              outcomes: Mapping[str, str] | None) -> Guess:
     """Propose a map for a log, or for tables whose rows are shots.
 
     Args:
@@ -144,17 +143,16 @@ def guess_map(source: Log | Sequence[RawTable], rig: Rig, name: str, *, time: Ti
             that there are. Or a word of `outcomes` is not in the data, or its meaning is none of a map.
     """
     own = maps.load_map(OWN) if OWN in maps.installed() else ShotMap(maps.SCHEMA)
-    if isinstance(source, Log) and own.columns and all(maps.as_signal(said).key in source
+    if own.columns and isinstance(source, Log) and all(maps.as_signal(said).key in source
                                                        for said in own.columns.values()):
-        return Guess(own, (f"a session of truearc: the map {OWN}",))
-    return _Guessing(source, rig, name).guess(time or TimeColumn(), has_three, dict(outcomes or {}))
+        return Guess(own, (f"a session of truearc: the map {OWN}",), "", {})
+    return _Guessing(source, rig, name).guess(time, has_three, outcomes or {})
 
 
 class _Guessing:
     """A map in the making: columns of shots are taken one by one, and no signal twice."""
 
     def __init__(self, source: Log | Sequence[RawTable], rig: Rig, name: str) -> None:
-        self.log = source if isinstance(source, Log) else None
         self.tables: Sequence[RawTable] = () if isinstance(source, Log) else source
         self.rig, self.name = rig, name
         self.all = source if isinstance(source, Log) else {
@@ -164,7 +162,7 @@ class _Guessing:
         self.nearly: dict[str, list[str]] = {}         # by columns: lines on signals of such names that are not that
         self.lines: list[str] = []
 
-    def guess(self, time: TimeColumn, has_three: bool, outcomes: dict[str, str]) -> Guess:
+    def guess(self, time: TimeColumn, has_three: bool, outcomes: Mapping[str, str]) -> Guess:
         """Names that shots.csv has come first, then what is needed, outcomes, and what is of use."""
         found = self._find_outcome()
         for key in list(self.free) if self.tables else ():
@@ -175,9 +173,8 @@ class _Guessing:
                 self.lines += self.nearly[column]
         if self.tables:
             self._take_texts()
-        shot_map = ShotMap(maps.SCHEMA, rows="shot" if self.tables else "time", columns={**self.columns}, time=time)
-        if self.log is not None:
-            shot_map = structs.replace(shot_map, shots=self._detection())
+        shot_map = ShotMap(maps.SCHEMA, rows="shot" if self.tables else "time", columns={**self.columns}, time=time,
+                           shots=maps.Detection() if self.tables else self._detection())
         outcome, asked, proposed = (self._boolean(shot_map, outcomes) if found is None else
                                     self._read_words(*found, has_three, outcomes))
         if self.tables and self.free:
@@ -266,7 +263,7 @@ class _Guessing:
         """Why the numbers of a signal cannot be such as a column has, and what may help; "" where they can."""
         numbers, own = np.asarray(series.values, dtype=float), own_unit(column)
         rows, numbers = series.t_s[np.isfinite(numbers)], numbers[np.isfinite(numbers)]
-        low, high = SPANS.get(column, cols.RANGES.get(column, cols.NO_RANGE))
+        low, high = SPANS[column]
 
         def read(unit: str) -> Floats:
             scale, zero = maps.factor_of(column, unit) or (1.0, 0.0)
@@ -275,7 +272,7 @@ class _Guessing:
         def outside(values: Floats) -> np.ndarray:
             """Those out of the range; all where too many are. One cell alone is named when the table is read."""
             wrong = (values > high) | ((values < low) & (column != MOTOR))
-            return (wrong & (wrong.mean() > 1.0 - NEARLY_ALL)) | (values.max() < low)
+            return np.asarray((wrong & (wrong.mean() > 1.0 - NEARLY_ALL)) | (values.max() < low))
         values, steps = read(unit), np.diff(numbers)
         top, wrong = float(values.max()), np.flatnonzero(outside(values))
         turns = np.flatnonzero(steps * (np.median(np.sign(steps) if steps.size else 0.0) or 1.0) < 0.0)
@@ -289,13 +286,11 @@ class _Guessing:
         if not wrong.size:
             return ""
         others = {one: read(one) for one in (own, *maps.CONVERTED.get(own, ())) if one != (unit or own)}
-        likely = [one for one, values in others.items() if not outside(values).any()]
-        usual = TYPICAL.get(column, 1.0)
-        likely.sort(key=lambda one: abs(math.log(max(np.median(others[one]), 1e-9) / usual)))
-        few = 2 * wrong.size < len(numbers)
-        what = f"{numbers[wrong[0]]:g} in {self._place(rows[wrong[0]])} is" if few else (
+        likely = min((one for one in others if not outside(others[one]).any()), default="", key=lambda one: abs(
+            math.log(max(np.median(others[one]), 1e-9) / TYPICAL.get(column, 1.0))))
+        what = f"{numbers[wrong[0]]:g} in {self._place(rows[wrong[0]])} is" if 2 * wrong.size < len(numbers) else (
             f"{numbers.min():.4g} to {numbers.max():.4g} are")
-        looks = f"; these look like {likely[0]}: rename it to {maps.in_unit(series.name, likely[0])}" if likely else ""
+        looks = f"; these look like {likely}: rename it to {maps.in_unit(series.name, likely)}" if likely else ""
         return f"{what} beyond {low:g} to {high:g} {own}{f', in {unit}' if unit not in ('', own) else ''}{looks}"
 
     def _place(self, row: float) -> str:
@@ -346,16 +341,18 @@ class _Guessing:
         speed = next(said for column, said in self.columns.items() if SPEED.fullmatch(column))
         scale, _ = maps.factor_of(MOTOR, speed.unit) or (1.0, 0.0)
         top, own = scale * _top(self.all[speed.key]), {*words_of(speed.key)}
-        wanted, feeders = list[tuple[int, int, str]](), list[tuple[int, int, str]]()
-        for key, series in self.all.items():
-            said = {*words_of(key)}
-            factor = maps.factor_of(MOTOR, unit_said(series) or speed.unit) if series.numeric else None
-            if (factor and key != speed.key and says(key, "wanted") and says(key, "spin", "speed")
-                    and not says(key, "odd") - {"rad"} and 0.5 < top / (factor[0] * _top(series) or np.inf) < 2.0):
-                wanted.append((len(own & said), -len(said), key))
-            if (feeds := says(key, "feeder")) and series.numeric and set(np.unique(series.values)) == {0.0, 1.0}:
-                feeders.append((len(feeds), -len(said), key))
-        point, feed = max(wanted)[2] if wanted else "", max(feeders)[2] if feeders else ""
+
+        def follows(key: str, series: Series) -> bool:
+            factor = maps.factor_of(MOTOR, unit_said(series) or speed.unit)
+            return bool(factor and key != speed.key and says(key, "wanted") and says(key, "spin", "speed")
+                        and not says(key, "odd") - {"rad"}
+                        and 0.5 < top / (factor[0] * _top(series) or np.inf) < 2.0)
+        found = [(key, series, says(key, "feeder"), -len({*words_of(key)})) for key, series in self.all.items()
+                 if series.numeric]
+        *_, point = max(((len(own & {*words_of(key)}), less, key) for key, series, _, less in found
+                         if follows(key, series)), default=("",))
+        *_, feed = max(((len(feeds), less, key) for key, series, feeds, less in found
+                        if feeds and {*np.unique(series.values)} == {0.0, 1.0}), default=("",))
         self.lines += [f"set point of the speed: {point or 'none found: spinning down may look like a ball'}",
                        f"feeder: {feed or 'none found: every dip of the speed is a shot'}"]
         return maps.Detection(set_point=Signal(point, unit=unit_said(self.all[point]) or speed.unit) if point else None,
@@ -402,7 +399,7 @@ class _Guessing:
         misses = any(word.startswith("miss") or word in ("low", "high") for word in marks)
         return 1.0 if known == 1.0 and misses and marks & {"hit", "two", "three"} and "side" not in said else 0.0
 
-    def _read_words(self, key: str, counts: Counter[str], has_three: bool, given: dict[str, str]
+    def _read_words(self, key: str, counts: Counter[str], has_three: bool, given: Mapping[str, str]
                     ) -> tuple[OutcomeKeys, str, dict[str, str]]:
         """(what words mean whose meaning is certain or given, a question about the others, what is proposed of all)."""
         given = {maps.plain(text): word for text, word in given.items()}
@@ -429,13 +426,13 @@ class _Guessing:
                  f"{', '.join(f'{text} = {word}' for text, word in proposed.items() if text != word)}")
         return OutcomeKeys(key=self._key(key), values=values), asked if unclear else "", proposed
 
-    def _boolean(self, shot_map: ShotMap, given: dict[str, str]) -> tuple[OutcomeKeys, str, dict[str, str]]:
+    def _boolean(self, shot_map: ShotMap, given: Mapping[str, str]) -> tuple[OutcomeKeys, str, dict[str, str]]:
         """A boolean of a log that names a hit."""
         if given:
             raise InputError(f"{self.name}: outcomes: {', '.join(given)}: there is no signal of outcomes")
-        for key, series in () if self.log is None else self.log.items():
+        for key, series in () if self.tables else self.all.items():
             if says(key, "scored") and series.numeric and set(np.unique(series.values)) <= {0.0, 1.0}:
-                shots = Reading(Path(self.name), self.log or Log({}), shot_map, self.rig).shots()
+                shots = Reading(Path(self.name), Log(self.all), shot_map, self.rig).shots()
                 values, said = state_or_pulse(series, shots.t_s)
                 self.lines.append(f"outcome: {key}: {said}")
                 return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), "", {}

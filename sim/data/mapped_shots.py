@@ -26,7 +26,6 @@ PLACE = re.compile(r"#(\d+)")         # a column by its number
 NO_TARGET = "distance_m", -1.0        # what programs write of a goal that the camera does not see
 Rows = list[dict[str, Cell]]
 MOST_UNKNOWN = 10                     # texts of a signal of outcomes that are named
-SOUND = {"that are not finite": np.isfinite, "far above both neighbours": lambda values: ~spikes(values)}
 PUBLISHED_S = 0.2                     # the same mark again, sooner than this, is one that is said in every loop
 
 
@@ -108,8 +107,8 @@ class Reading:
         convert = conversion(column, signal, signal.unit or found.unit, str(self.path))
         t_s, values = found.t_s, convert(np.asarray(found.values, dtype=float))
         speed = SPEED.fullmatch(column) or column == self.map.shots.wheel        # no wheel can have the other samples
-        for what, is_sound in SOUND.items() if speed else ():
-            kept = is_sound(values)
+        for what in ("that are not finite", "far above both neighbours") if speed else ():
+            kept = np.isfinite(values) if what == "that are not finite" else ~spikes(values)
             line = f"{self.path.name}: {found.name}: samples {what}: {np.count_nonzero(~kept)}"
             self.odd += [line] if not kept.all() and line not in self.odd else []
             t_s, values = t_s[kept], values[kept]
@@ -246,25 +245,15 @@ def shots_from_tables(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: 
     tables = [(path, _read(path, shot_map)) for path in paths]
     if shot_map.rows == "position":
         return _tracks(tables, shot_map, rig, name)
-    rows, lines, left_out = Rows(), list[int](), list[str]()
+    rows, lines, left_out, written = Rows(), list[int](), list[str](), dict[str, Written]()
     for path, table in tables:
-        for line, row in _shots(path, table, shot_map, rig, left_out):
+        columns, its = _columns(table, shot_map, rig)
+        written = its | written                        # as in the first table
+        for line, row in _shots(path, table, columns, shot_map, rig, left_out):
             lines.append(line)
             rows.append(row)
-    shots = replace(as_table(rows, paths[0]), written=_written(tables[0][1], shot_map, rig))
+    shots = replace(as_table(rows, paths[0]), written=written)
     return _assembled(name, rig, shots if paths[1:] else replace(shots, lines=lines, in_memory=False), left_out)
-
-
-def _written(table: RawTable, shot_map: ShotMap, rig: Rig) -> dict[str, Written]:
-    """What the columns of a dataset are in a table: headings, units and zeros."""
-    found: dict[str, Written] = {}
-    for column, said in shot_map.columns.items():
-        signal, (name, scale) = as_signal(said), as_read(column, rig)
-        if maps.own_unit(column):
-            convert = conversion(column, signal, signal.unit, table.place(-1))
-            zero, one = map(float, convert(np.array([0.0, 1.0])))
-            found[name] = _key(table, signal), (one - zero) * scale, -zero / (one - zero)
-    return found
 
 
 def _read(path: Path, shot_map: ShotMap) -> RawTable:
@@ -286,25 +275,31 @@ def _key(table: RawTable, signal: Signal) -> str:
     return names[int(place[1]) - 1] if place else signal.key
 
 
-def _column(table: RawTable, column: str, said: str | Signal, scale: float = 1.0) -> list[Cell]:
-    """Cells of a column, numbers in its unit times a factor."""
-    signal = as_signal(said)
-    cells = table.columns[_key(table, signal)]
-    with gathered() as problems:
-        problems += [f"{table.place(row)}: {signal.key}: {cell!r} is not a number" for row, cell in enumerate(cells)
-                     if maps.own_unit(column) and str(cell or "").strip() and parse_number(cell) is None]
-    if not maps.own_unit(column) and (signal.times, signal.plus) == (1.0, 0.0):
-        return cells
-    convert = conversion(column, signal, signal.unit, table.place(-1))
-    return [cell if (number := parse_number(cell)) is None else
+def _columns(table: RawTable, shot_map: ShotMap, rig: Rig) -> tuple[dict[str, list[Cell]], dict[str, Written]]:
+    """Cells by the columns of a dataset, numbers in their units; headings, units and zeros in the table."""
+    columns, written = dict[str, list[Cell]](), dict[str, Written]()
+    for column, said in shot_map.columns.items():
+        signal, (name, scale), is_number = as_signal(said), as_read(column, rig), bool(maps.own_unit(column))
+        key = _key(table, signal)
+        columns[name] = cells = table.columns[key]
+        with gathered() as problems:
+            problems += [f"{table.place(row)}: {signal.key}: {cell!r} is not a number" for row, cell in enumerate(cells)
+                         if is_number and str(cell or "").strip() and parse_number(cell) is None]
+        if not is_number and (signal.times, signal.plus) == (1.0, 0.0):
+            continue
+        convert = conversion(column, signal, signal.unit, table.place(-1))
+        columns[name] = [
+            cell if (number := parse_number(cell)) is None else
             None if (column, number) == NO_TARGET else float(convert(np.asarray(number))) * scale for cell in cells]
+        if is_number:
+            zero, one = map(float, convert(np.array([0.0, 1.0])))
+            written[name] = key, (one - zero) * scale, -zero / (one - zero)
+    return columns, written
 
 
-def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig, odd: list[str]
+def _shots(path: Path, table: RawTable, columns: dict[str, list[Cell]], shot_map: ShotMap, rig: Rig, odd: list[str]
            ) -> Iterator[tuple[int, dict[str, Cell]]]:
     """Yield (line, row) of each shot; what is left out is added to `odd`."""
-    columns = {name: _column(table, column, said, scale) for column, said in shot_map.columns.items()
-               for name, scale in [as_read(column, rig)]}
     outcome = shot_map.outcome
     marks = table.columns[_key(table, Signal(outcome.key))] if outcome.key else None
     words = {maps.plain(key): word for key, word in outcome.values.items()}
@@ -339,7 +334,7 @@ def _tracks(tables: list[tuple[Path, RawTable]], shot_map: ShotMap, rig: Rig, na
         raise InputError(f"the map has no columns.{missing[0]}: a row is a position, and that needs it")
     rows = Rows()
     for path, table in tables:
-        columns = {column: _column(table, column, said) for column, said in shot_map.columns.items()}
+        columns, _ = _columns(table, shot_map, rig)
         shots = ({column: cells[row] for column, cells in columns.items()} for row in range(len(table.lines)))
         rows += [{"shot_id": path.stem, "y_m": 0.0, **shot} for shot in shots if None not in shot.values()]
     with gathered() as problems:
