@@ -8,7 +8,6 @@ two best by Gauss-Newton steps, so that data as recorded are judged at the best 
 import math
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,13 +17,17 @@ from numpy.polynomial import polynomial
 
 from truearc.sim.data.dataset import Dataset, Floats, Tracks
 from truearc.sim.data.table import SPIN_VECTOR
-from truearc.sim.physics.catalogue import catalogue
+from truearc.sim.physics import catalogue
 from truearc.sim.physics.simulate import by_wheels, launch_state
 from truearc.sim.physics.term import to_scale
 
 TERMS = ("drag", "magnus", "exit_efficiency", "wheel_slip", "hood_offset", "distance_scale", "distance_bias",
          "release_height", "track_scale", "track_tilt")
 CD, CL, LOSS, SLIP, HOOD, FAR, BIAS, RISE, SCALE, TILT = range(len(TERMS))
+# the priors of these terms, on their scales
+PRIORS = [term.amplitude.prior for name in TERMS for term in catalogue.TERMS if term.name == name]
+CENTRE = np.array([to_scale(prior.scale, prior.centre) for prior in PRIORS if prior])
+SD = np.array([prior.sd for prior in PRIORS if prior])
 FREEDOM = 4.0                         # of Student's t; chosen: one row far off costs as much as a few near ones
 # Chosen: 1 to 3 % of speeds is usual; worse launchers cost as the prior below says
 SCATTERS = np.array([0.012, 0.02, 0.035, 0.06, 0.1])
@@ -33,8 +36,7 @@ LOST = 3.0                            # residual of a log speed of a shot that n
 UNSTATED_M = 0.6                      # of a release height; chosen: as robots have
 LIFTING = 0.3                         # rim speed by speed of a ball whose spin is not known; chosen: as of two wheels
 SLIPS = 0.6                           # most that wheels slip by their speed, of the log; chosen: a half is left
-STEPS, TURNS = 8, 3                   # of a flight, and of the search for its speed; chosen: 1 % in speed
-ROUGH = 4, 2                          # the same for a first look; chosen: 3 % in speed
+FINE, ROUGH = (8, 3), (4, 2)          # steps of a flight, and of the search for its speed; chosen: 1 and 3 % in speed
 SHOTS = 50                            # most that are judged; chosen: enough for units, and quick
 FULL = 25.0                           # shots that count fully: more err alike; chosen: drag laws differ by per cents
 ORDINARY = 1.5                        # nats that a row may cost: more is a surprise; derived: 1.6 standard deviations
@@ -85,6 +87,10 @@ class Reading(NamedTuple):
     motion: Motion | None
 
 
+# residuals with standard deviations by parameters, their scatter, row in Shots, how many count fully
+Part = tuple[Callable[[Floats], tuple[Floats, Floats]], Floats, Int[np.ndarray, " n"], float]
+
+
 class Rows(NamedTuple):
     """Residuals of lanes of parameters [l, p] with standard deviations, both [l, n]; nan: a scatter with `wide` [n].
 
@@ -111,7 +117,7 @@ class Fit(NamedTuple):
 
 
 def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: float, drag_m: Any = 0.0,
-                 lift_s: Any = 0.0, steps: int = STEPS, turns: int = TURNS) -> Floats:
+                 lift_s: Any = 0.0, steps: tuple[int, int] = FINE) -> Floats:
     """Return the speed [m/s] that carries a ball through a point; inf where that angle never does.
 
     drag_m: deceleration by speed squared [1/m]; lift_s: acceleration across the flight by speed [1/s], of a spin that
@@ -121,7 +127,7 @@ def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: floa
     """
     with np.errstate(all="ignore"):
         slope = np.where(np.abs(hood_deg) < 89.5, np.tan(np.radians(hood_deg)), np.nan)
-        step = distance_m / steps
+        step = distance_m / steps[0]
         # g / u0^2, first as if the slope stayed: a fall then is (e^a - 1 - a) x^2 / a^2
         a = np.clip(2.0 * drag_m * np.sqrt(1.0 + slope**2) * distance_m, 1e-3, 30.0)
         weight = np.maximum(distance_m * slope - rise_m, 1e-3) / distance_m**2 * a * a / (np.expm1(a) - a)
@@ -132,17 +138,16 @@ def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: floa
             lifts = lift * slow
             return np.array([weight * slow * slow, lifts * square, -np.sqrt(square) * drag_m - lifts * p])
 
-        for _ in range(turns):
+        for _ in range(steps[1]):
             lift = lift_s * np.sqrt(weight / gravity_m_s2)
             state = heights = np.zeros((3, *weight.shape))        # bent down, bent up, log speed; fallen, lifted
-            for _ in range(steps):
+            for _ in range(steps[0]):
                 middle = state + 0.5 * step * rates(state, weight, lift)
                 state, heights = state + step * rates(middle, weight, lift), heights + step * middle
             change = (distance_m * slope + heights[1] - rise_m) / heights[0]
             weight = weight * np.clip(change, 0.1, 10.0)
-        speed = np.sqrt(gravity_m_s2 * (1.0 + slope**2) / weight)
         sound = (np.abs(np.log(change)) < 0.1) & (distance_m > 0.0)
-    return np.where(sound, speed, np.inf)
+        return np.where(sound, np.sqrt(gravity_m_s2 * (1.0 + slope**2) / weight), np.inf)
 
 
 def flown_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
@@ -159,9 +164,8 @@ def judged_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
     if target is not None and len(set(heights[np.isfinite(heights)].tolist())) > 1:       # no table of aims
         scored |= np.abs(heights) <= target.two_half_height_m
     rows = np.intersect1d(np.flatnonzero(scored), flown_shots(dataset))
-    if target is None or len(rows) < SCORES:
-        return rows[:0]
-    return np.asarray(rows[np.linspace(0, len(rows) - 1, min(SHOTS, len(rows))).astype(int)])
+    count = min(SHOTS, len(rows)) if target and len(rows) >= SCORES else 0
+    return np.asarray(rows[np.linspace(0, len(rows) - 1, count).astype(int)])
 
 
 def elevation_deg(dataset: Dataset) -> Floats:
@@ -172,15 +176,11 @@ def elevation_deg(dataset: Dataset) -> Floats:
 
 def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], rough: bool = False) -> Rows:
     """Rows of a dataset; as many, in the same order, for every reading of it. rough: for a first look."""
-    parts: list[Any] = [(lambda theta: (np.zeros((len(theta), 0)),) * 2, [], np.zeros(0, dtype=int), [])]
-    if len(judged):
-        flown, wide = _of_shots(reading.dataset, judged, ROUGH if rough else (STEPS, TURNS))
-        parts.append((flown, wide, judged, np.full(len(judged), min(1.0, FULL / len(judged)))))
-    if reading.motion is not None:
-        own = reading.motion.shot
-        parts.append((_of_tracks(reading.dataset, reading.motion), np.zeros(10 * len(own)), np.tile(own, 10),
-                      np.full(10 * len(own), min(1.0, FULL / 2.0 / len(own)))))
-    functions, wides, whose, weights = zip(*parts, strict=True)
+    parts: list[Part] = [(lambda theta: (np.zeros((len(theta), 0)),) * 2, np.zeros(0), judged[:0], 1.0)]
+    parts += [_of_shots(reading.dataset, judged, ROUGH if rough else FINE)] if len(judged) else []
+    parts += [_of_tracks(reading.dataset, reading.motion)] if reading.motion is not None else []
+    functions, wides, whose, counts = zip(*parts, strict=True)
+    weights = [np.full(len(rows), min(1.0, FULL / count)) for rows, count in zip(whose, counts, strict=True)]
 
     def residuals(theta: Floats) -> tuple[Floats, Floats]:
         found = [function(theta) for function in functions]
@@ -188,13 +188,6 @@ def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], rough: bool = False
         return np.where(np.isfinite(off), off, LOST), sd
     return Rows(residuals, np.concatenate(wides), np.concatenate(whose), np.concatenate(weights),
                 unusual(reading.dataset))
-
-
-@cache
-def _priors() -> tuple[Floats, Floats]:
-    """Return the centre and standard deviation of each term's amplitude, on its scale."""
-    known = [term.amplitude.prior for name in TERMS if (term := catalogue().get(name)) and term.amplitude.prior]
-    return np.array([to_scale(one.scale, one.centre) for one in known]), np.array([one.sd for one in known])
 
 
 def _leaving(dataset: Dataset, rows: Any, seen_m_s: Any = None) -> tuple[Floats, Any, Floats, Floats]:
@@ -220,28 +213,26 @@ def launched(dataset: Dataset) -> tuple[Floats, Floats]:
 
 def _left(theta: Floats, speed: Floats, measured: Any) -> Floats:
     """Log of the speed with which balls leave, by lanes."""
-    centre, sd = _priors()
-    lost = sd[LOSS] * theta[:, [LOSS]] - centre[LOSS] - np.clip(sd[SLIP] * theta[:, [SLIP]] * speed, -SLIPS, SLIPS)
+    lost = SD[LOSS] * theta[:, [LOSS]] - CENTRE[LOSS] - np.clip(SD[SLIP] * theta[:, [SLIP]] * speed, -SLIPS, SLIPS)
     return np.log(np.maximum(speed, 1e-9)) + np.where(measured, 0.03 * theta[:, [LOSS]], lost)
 
 
-def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, int]) -> tuple[Any, Floats]:
+def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, int]) -> Part:
     """Log of the speed with which balls left by the one that takes them to where they passed the target."""
     rig, shots, target = dataset.rig, dataset.shots, dataset.rig.target
     assert target is not None
-    centre, sd = _priors()
     half = np.where(np.array(shots.text("outcome"))[judged] == "three", target.three_half_height_m,
                     target.two_half_height_m)
     stated = rig.launcher.release_height_m
-    low, rise = sd[RISE] if stated else 0.3, target.centre_height_m - (stated or UNSTATED_M)
+    low, rise = SD[RISE] if stated else 0.3, target.centre_height_m - (stated or UNSTATED_M)
     distance, angle = shots.number("distance_m")[judged], elevation_deg(dataset)[judged]
     speed, measured, drag, lift = _leaving(dataset, judged)
 
     def need(theta: Floats, higher_m: Any = 0.0, farther_m: Any = 0.0) -> Floats:
-        lane = (centre + sd * theta)[:, :, None]
+        lane = (CENTRE + SD * theta)[:, :, None]
         return np.log(needed_speed(distance * (1.0 + lane[:, FAR]) + lane[:, BIAS] + farther_m,
                                    rise + higher_m + theta[:, [RISE]] * low, angle + lane[:, HOOD],
-                                   rig.world.gravity_m_s2, np.exp(lane[:, CD]) * drag, lane[:, CL] * lift, *fine))
+                                   rig.world.gravity_m_s2, np.exp(lane[:, CD]) * drag, lane[:, CL] * lift, fine))
 
     def residuals(theta: Floats) -> tuple[Floats, Floats]:
         with np.errstate(invalid="ignore"):
@@ -250,13 +241,13 @@ def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, 
     off_m = np.array([[0.2], [-0.2]]) * half          # chosen: balls are aimed at the middle of the opening
     with np.errstate(invalid="ignore"):
         up, down = need(np.zeros((2, len(TERMS))), **{"farther_m" if target.faces_up else "higher_m": off_m})
-    return residuals, np.clip(np.nan_to_num(np.abs(up - down), nan=0.02, posinf=0.02), 1e-4, 0.2)
+    wide = np.clip(np.nan_to_num(np.abs(up - down), nan=0.02, posinf=0.02), 1e-4, 0.2)
+    return residuals, wide, judged, len(judged)
 
 
-def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Floats, Floats]]:
+def _of_tracks(dataset: Dataset, motion: Motion) -> Part:
     """Accelerations, where flights begin and go, and how they agree with angle, speed and distance of their shots."""
     rig, shots, g, own = dataset.rig, dataset.shots, dataset.rig.world.gravity_m_s2, motion.shot
-    centre, sd = _priors()
     velocity, (accelerated, place, end, first) = motion.vectors[:, :3], motion.vectors[:, 3:].swapaxes(0, 1)
     total = np.linalg.norm(first, axis=1)
     speed, measured, drag, lift = _leaving(dataset, own, total)
@@ -280,7 +271,7 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
         unsure = np.hypot(unsure, BALLS * np.linalg.norm(slow, axis=1))
     upright = np.median(along) < 0.2 * np.median(np.abs(way[:, 2]))      # chosen: dropped, or nearly so
     # where it is not stated, and of balls that are dropped, tracks tell alone where they begin
-    low, begins = (sd[RISE], begins) if (stated or rig.target) and not upright else (0.0, 0.0 * far)
+    low, begins = (SD[RISE], begins) if (stated or rig.target) and not upright else (0.0, 0.0 * far)
     widths = np.array([*[unsure] * 3, 0.06 + 0.06 * far + fallen,
                        0.15 + 0.1 * far + 0.1 * np.abs(place[:, 2]), 0.15 + 0.2 * np.abs(place[:, 2]),
                        (180.0 if upright else 8.0) + np.degrees(0.05 / np.maximum(along, 1e-9)),
@@ -289,12 +280,12 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
     elevation, unlinked = elevation_deg(dataset)[own], [1.0] * 7 + [UNLINKED if motion.unlinked else 1.0] * 3
 
     def residuals(theta: Floats) -> tuple[Floats, Floats]:
-        lane = (centre + sd * theta)[:, :, None, None]
+        lane = (CENTRE + SD * theta)[:, :, None, None]
         pull = np.exp(lane[:, CD]) * slow + lane[:, CL] * raised - np.array([0.0, 0.0, g])
         tilt = math.radians(2.5) * theta[:, TILT, None]
         pull = np.stack([pull[..., 0] - tilt * pull[..., 2], pull[..., 1], pull[..., 2] + tilt * pull[..., 0]])
         bend = accelerated.T[:, None, :] - pull * (1.0 + 0.11 * theta[:, SCALE, None])
-        angle = elevation + sd[HOOD] * theta[:, [HOOD]] + 2.5 * theta[:, [TILT]] - rises
+        angle = elevation + SD[HOOD] * theta[:, [HOOD]] + 2.5 * theta[:, [TILT]] - rises
         quick = _left(theta, speed, measured) + 0.06 * theta[:, [SCALE]] - faster
         off = np.stack(np.broadcast_arrays(
             *bend, begins + 0.044 * theta[:, [TILT]] * far + low * theta[:, [RISE]], place[:, 1] - first[:, 1] * back,
@@ -302,7 +293,7 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Callable[[Floats], tuple[Flo
             np.where(speed > 0.0, quick, 0.0), too_long), axis=1)
         off = np.where(np.isfinite(off), off, 0.0 if upright else LOST * widths) / widths
         return off.reshape(len(theta), -1), np.tile(np.repeat(unlinked, len(own)), (len(theta), 1))
-    return residuals
+    return residuals, np.zeros(10 * len(own)), np.tile(own, 10), 2.0 * len(own)
 
 
 class Judged(NamedTuple):
@@ -349,7 +340,7 @@ def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 
     starts = np.vstack([*near, STARTS])
     last = _judge(readings, starts)
     if scattered.any():               # whatever the wheels lose: the middle shot goes as it should
-        starts[:, LOSS] -= np.clip(np.median(last.off[:, scattered], axis=1) / _priors()[1][LOSS], -3.0, 3.0)
+        starts[:, LOSS] -= np.clip(np.median(last.off[:, scattered], axis=1) / SD[LOSS], -3.0, 3.0)
         last = _judge(readings, starts)
     best = starts[np.argsort(-last.score)[:lanes]]
     moves, shares = STEP * np.eye(len(TERMS) + 1, len(TERMS), -1), np.array([0.0, 1.0, 0.4, 0.1])
@@ -377,15 +368,14 @@ def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 
 
 def speeds_off(reading: Reading, rows: Int[np.ndarray, " n"], known: Fit) -> Floats:
     """Return by how much shots [n] were too fast for where they were aimed at, in logs, at most 1."""
-    flown, _ = _of_shots(reading.dataset, rows, (STEPS, TURNS))
+    flown, *_ = _of_shots(reading.dataset, rows, FINE)
     return np.asarray(np.clip(np.nan_to_num(flown(known.values[None])[0][0], nan=-LOST), -1.0, 1.0))
 
 
 def lifts_less(rows: Rows, known: Fit) -> float:
     """By how many nats negative lift explains the rows better than none; 0 where lift is not negative."""
-    centre, sd = _priors()
     none = known.values.copy()
-    none[CL] = -centre[CL] / sd[CL]
+    none[CL] = -CENTRE[CL] / SD[CL]
     return float(known.score - _judge([rows], none[None]).score[0]) if known.values[CL] < none[CL] else 0.0
 
 

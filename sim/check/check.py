@@ -449,13 +449,13 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Slips:
     begin[:, 2] -= 0.5 * dataset.rig.world.gravity_m_s2 * back**2
     stated, (_, y, z) = dataset.rig.launcher.release_height_m, np.median(begin, axis=0)
     behind, tilted = -float(np.median(place[:, 0])), TILT * abs(float(np.median(place[:, 2])))
-    same = np.eye(3)
-    undone = {"turned": motion.read(np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])),
-              "aside": motion.read(same, by_m=np.array([0.0, -y, 0.0])), "unlinked": motion._replace(unlinked=True),
-              "behind": motion.read(same, by_m=np.array([behind if behind > tilted else 0.0, 0.0, 0.0]))}
+    same, shifts = np.eye(3), {"aside": [0.0, -y, 0.0], "behind": [behind if behind > tilted else 0.0, 0.0, 0.0]}
     if stated or dataset.rig.target is not None:          # else the height of a tower, maybe, is not stated
         name = "unstated" if stated == 0.0 else "from exit" if abs(z) < NEAR * stated else "another height"
-        undone[name] = motion.read(same, by_m=np.array([0.0, 0.0, stated - z]))
+        shifts[name] = [0.0, 0.0, stated - z]
+    undone = {name: motion.read(same, by_m=np.array(by_m)) for name, by_m in shifts.items()} | {
+        "turned": motion.read(np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])),
+        "unlinked": motion._replace(unlinked=True)}
     said: dict[str, Any] = {"degrees": abs(math.degrees(turn)), "side": "left" if turn > 0.0 else "right", "y": y,
                             "z": z, "stated": stated, "behind": behind}
     for row in OF_TRACKS:

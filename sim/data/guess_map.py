@@ -16,7 +16,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import MOTOR, OutcomeKeys, ShotMap, Signal, TimeColumn, own_unit
 from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Floats
-from truearc.sim.data.log import KEY, TIME, VALUE, Log, Series, state_or_pulse
+from truearc.sim.data.log import TIME, Log, Series, state_or_pulse
 from truearc.sim.data.mapped_shots import PLACE, SECONDS, SPEED, Reading, outcome_text, times
 from truearc.sim.data.table import SAID_OF_SHOTS, SERVO, SPELLINGS, RawTable, is_shot_column, parse_number, read_as
 
@@ -42,6 +42,8 @@ HIT_OR_MISS = ("; a hit may be a two or a three: where all count alike, state ta
                "rig.toml")
 SCORES = {"two", "three"}
 ORDER = ["miss", "hit", "miss-low", "miss-high", "three", "two", "rejected"]           # of words in a text, what counts
+CERTAIN = {**SAID_OF_SHOTS, **{text: word or maps.NOT_MARKED[0] for text, word in SPELLINGS.items()},
+           **{word: word for word in (*maps.MARKS, *maps.NOT_MARKED)}}
 # words of outcomes that may be a miss, too -> what is proposed
 OPEN = {text: word for word, texts in cols.VOCABULARY["open"].items() for text in texts}
 
@@ -108,8 +110,6 @@ def _top(series: Series) -> float:
 
 def time_column(table: RawTable) -> TimeColumn | None:
     """The column of time of a log; None of a table with a row per shot, whose times are further apart."""
-    if {TIME, KEY, VALUE} <= set(table.columns):
-        return TimeColumn()
     for name in sorted(table.columns, key=lambda name: name != TIME):
         numbers = np.array([number for cell in table.columns[name] if (number := parse_number(cell)) is not None])
         if (not says(name, "times") or says(name, "durations")
@@ -143,8 +143,7 @@ def guess_map(source: Log | Sequence[RawTable], rig: Rig, name: str, *, time: Ti
             that there are. Or a word of `outcomes` is not in the data, or its meaning is none of a map.
     """
     own = maps.load_map(OWN) if OWN in maps.installed() else ShotMap(maps.SCHEMA)
-    if own.columns and isinstance(source, Log) and all(maps.as_signal(said).key in source
-                                                       for said in own.columns.values()):
+    if own.columns and all(maps.as_signal(said).key in source for said in own.columns.values()):
         return Guess(own, (f"a session of truearc: the map {OWN}",), "", {})
     return _Guessing(source, rig, name).guess(time, has_three, outcomes or {})
 
@@ -200,7 +199,7 @@ class _Guessing:
                 or (column == "side" and other_sides) or (column == "shot_id" and not self._is_name(key))):
             return
         plain = "_".join(key.lower().split())
-        suffix = plain[len(column) - len(maps.unit_of(column)):] if own_unit(column) else ""
+        suffix = plain[len(column) - len(maps.unit_of(column)):]
         self._take(column, key, suffix, f", in {suffix}" if suffix else "")
 
     def _take_needed(self) -> None:
@@ -307,7 +306,8 @@ class _Guessing:
             if texts and None not in cells and 2 * len(set(cells)) <= len(cells):
                 self._take(texts[0], key)
             numbered = not said - GROUPS["numbered"] and (said or key == "#")
-            if numbered and "t_s" not in self.columns and series.numeric and _rises(series):
+            if numbered and "t_s" not in self.columns and series.numeric and len(series.t_s) > 1 and (
+                    np.diff(np.asarray(series.values, dtype=float)) > 0.0).all():
                 self._take("t_s", key, note=": the order of the shots")
             if numbered and "shot_id" not in self.columns and self._is_name(key):
                 self._take("shot_id", key)
@@ -321,17 +321,16 @@ class _Guessing:
         """Columns that are missing, those that were recognised, and the signals to choose from, those that change
         first."""
         kind = "column" if self.tables else "signal"
-        moving = {key: series.values[np.isfinite(series.values)] for key, series in self.all.items()
-                  if isinstance(series.values, np.ndarray)}
-        keys = sorted(filter(lambda key: len(moving[key]), moving),
-                      key=lambda key: (len(np.unique(moving[key][:2000])) <= 2, key))
-        rest = [f"  and {len(keys) - MOST_LISTED} more"] if len(keys) > MOST_LISTED else []
+        moving = {key: numbers for key, series in self.all.items() if isinstance(series.values, np.ndarray)
+                  and len(numbers := series.values[np.isfinite(series.values)])}
+        keys = sorted(moving, key=lambda key: (len(np.unique(moving[key][:2000])) <= 2, key))
         return InputError("\n".join([
             f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing.values())}; write a map by "
             "hand: docs/how-to/importing.md", *(f"recognised: {line}" for line in self.lines),
             *(line for column in missing for line in self.nearly[column]), f"{kind}s with numbers:",
             *(f"  {key}: {min(moving[key]):.4g} to {max(moving[key]):.4g} {unit_said(self.all[key])}".rstrip()
-              for key in keys[:MOST_LISTED]), *rest]))
+              for key in keys[:MOST_LISTED]),
+            *[f"  and {len(keys) - MOST_LISTED} more"] * (len(keys) > MOST_LISTED)]))
 
     # --- how shots are found in a log
 
@@ -458,13 +457,9 @@ def _is_named(key: str, counts: Counter[str]) -> bool:
 
 def _meaning(text: str) -> str | None:
     """What a text says of a shot, as a word of a map; None where that is not certain."""
-    if text in maps.MARKS or text in maps.NOT_MARKED:
-        return text
-    if text in SPELLINGS:
-        return SPELLINGS[text] or maps.NOT_MARKED[0]
     rest = " ".join(word for word in re.split(r"[^\w/]+", text) if word not in GROUPS["fillers"])
     word = SAID_OF_SHOTS.get(rest, "")
-    return SAID_OF_SHOTS.get(text) or (word if word.startswith("miss") else None)
+    return CERTAIN.get(text, word if word.startswith("miss") else None)
 
 
 def _proposed(text: str, hit: str) -> str:
@@ -477,8 +472,3 @@ def _proposed(text: str, hit: str) -> str:
     word = min(certain, key=ORDER.index, default="") or min(open_, key=ORDER.index, default=maps.NOT_MARKED[0])
     word = next(filter(SCORES.__contains__, open_ + certain), hit) if word == "hit" else word
     return hit if word in SCORES and hit == "hit" else word
-
-
-def _rises(series: Series) -> bool:
-    values = np.asarray(series.values, dtype=float)
-    return bool(np.isfinite(values).all() and len(values) > 1 and (np.diff(values) > 0.0).all())
