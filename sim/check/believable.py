@@ -2,7 +2,8 @@
 
 What the data say of a flight are rows: a residual by the physics' parameters, with its standard deviation. Rows are
 Student-t, so that a lucky shot does not decide. The search starts at several beliefs of drag and lift and improves the
-two best by Gauss-Newton steps, so that data as recorded are judged at the best believable physics.
+two best by Gauss-Newton steps, so that data as recorded are judged at the best believable physics. Callers ignore
+NumPy's warnings of numbers that overflow or are not known.
 """
 
 import math
@@ -183,8 +184,7 @@ def rows_of(reading: Reading, judged: Int[np.ndarray, " n"], rough: bool = False
     weights = [np.full(len(rows), min(1.0, FULL / count)) for rows, count in zip(whose, counts, strict=True)]
 
     def residuals(theta: Floats) -> tuple[Floats, Floats]:
-        found = [function(theta) for function in functions]
-        off, sd = (np.concatenate(columns, axis=1) for columns in zip(*found, strict=True))
+        off, sd = (np.concatenate(both, axis=1) for both in zip(*(of(theta) for of in functions), strict=True))
         return np.where(np.isfinite(off), off, LOST), sd
     return Rows(residuals, np.concatenate(wides), np.concatenate(whose), np.concatenate(weights),
                 unusual(reading.dataset))
@@ -235,12 +235,10 @@ def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, 
                                    rig.world.gravity_m_s2, np.exp(lane[:, CD]) * drag, lane[:, CL] * lift, fine))
 
     def residuals(theta: Floats) -> tuple[Floats, Floats]:
-        with np.errstate(invalid="ignore"):
-            off = np.clip(_left(theta, speed, measured) - need(theta), -LOST, LOST)
+        off = np.clip(_left(theta, speed, measured) - need(theta), -LOST, LOST)
         return off, np.full(off.shape, np.nan)
     off_m = np.array([[0.2], [-0.2]]) * half          # chosen: balls are aimed at the middle of the opening
-    with np.errstate(invalid="ignore"):
-        up, down = need(np.zeros((2, len(TERMS))), **{"farther_m" if target.faces_up else "higher_m": off_m})
+    up, down = need(np.zeros((2, len(TERMS))), **{"farther_m" if target.faces_up else "higher_m": off_m})
     wide = np.clip(np.nan_to_num(np.abs(up - down), nan=0.02, posinf=0.02), 1e-4, 0.2)
     return residuals, wide, judged, len(judged)
 
@@ -255,17 +253,16 @@ def _of_tracks(dataset: Dataset, motion: Motion) -> Part:
     up = np.cross(velocity, np.cross([0.0, 0.0, 1.0], velocity))
     up = up / np.maximum(np.linalg.norm(up, axis=2, keepdims=True), 1e-12) * size
     slow, raised = -drag[:, None] * (size * velocity).mean(axis=1), lift[:, None] * up.mean(axis=1)
-    with np.errstate(all="ignore"):
-        back = np.where(first[:, 0] > 0.1 * total, place[:, 0] / first[:, 0], np.nan)
-        far, way = np.abs(place[:, 0]), end - place
-        stated = rig.launcher.release_height_m
-        fallen = 0.07 * g * np.nan_to_num(back)**2          # chosen: drag takes so much of a fall
-        begins = place[:, 2] - first[:, 2] * back - 0.5 * g * back**2 - stated
-        along, aside = np.hypot(way[:, 0], way[:, 1]), np.degrees(np.arctan2(way[:, 1], way[:, 0]))
-        begun = np.clip(np.nan_to_num(back), 0.0, 2.0)
-        rises = np.degrees(np.arctan2(first[:, 2] + g * begun, np.hypot(first[:, 0], first[:, 1])))
-        longer = np.log(along / shots.number("distance_m")[own])
-        faster = np.log(np.linalg.norm(first + np.outer(begun, [0.0, 0.0, g]), axis=1))
+    back = np.where(first[:, 0] > 0.1 * total, place[:, 0] / first[:, 0], np.nan)
+    far, way = np.abs(place[:, 0]), end - place
+    stated = rig.launcher.release_height_m
+    fallen = 0.07 * g * np.nan_to_num(back)**2          # chosen: drag takes so much of a fall
+    begins = place[:, 2] - first[:, 2] * back - 0.5 * g * back**2 - stated
+    along, aside = np.hypot(way[:, 0], way[:, 1]), np.degrees(np.arctan2(way[:, 1], way[:, 0]))
+    begun = np.clip(np.nan_to_num(back), 0.0, 2.0)
+    rises = np.degrees(np.arctan2(first[:, 2] + g * begun, np.hypot(first[:, 0], first[:, 1])))
+    longer = np.log(along / shots.number("distance_m")[own])
+    faster = np.log(np.linalg.norm(first + np.outer(begun, [0.0, 0.0, g]), axis=1))
     unsure = np.hypot(motion.error_m_s2, 0.07 * np.linalg.norm(accelerated, axis=1) + 1e-12)
     if np.isfinite(shots.number("mass_kg")).any():           # each ball has drag of its own
         unsure = np.hypot(unsure, BALLS * np.linalg.norm(slow, axis=1))
@@ -338,11 +335,10 @@ def explain(readings: Sequence[Rows], near: Sequence[Floats] = (), turns: int = 
     """The best believable physics; each shot is read as the likelier of `readings`. near: more starts."""
     scattered = readings[0].wide > 0.0          # speeds of shots
     starts = np.vstack([*near, STARTS])
-    last = _judge(readings, starts)
     if scattered.any():               # whatever the wheels lose: the middle shot goes as it should
-        starts[:, LOSS] -= np.clip(np.median(last.off[:, scattered], axis=1) / SD[LOSS], -3.0, 3.0)
-        last = _judge(readings, starts)
-    best = starts[np.argsort(-last.score)[:lanes]]
+        off = np.median(_judge(readings, starts).off[:, scattered], axis=1)
+        starts[:, LOSS] -= np.clip(off / SD[LOSS], -3.0, 3.0)
+    best = starts[np.argsort(-_judge(readings, starts).score)[:lanes]]
     moves, shares = STEP * np.eye(len(TERMS) + 1, len(TERMS), -1), np.array([0.0, 1.0, 0.4, 0.1])
     for _ in range(turns if len(readings[0].whose) else 0):
         moved = best[:, None] - np.where(best > 0.0, 1.0, -1.0)[:, None, :] * moves
@@ -374,8 +370,7 @@ def speeds_off(reading: Reading, rows: Int[np.ndarray, " n"], known: Fit) -> Flo
 
 def lifts_less(rows: Rows, known: Fit) -> float:
     """By how many nats negative lift explains the rows better than none; 0 where lift is not negative."""
-    none = known.values.copy()
-    none[CL] = -CENTRE[CL] / SD[CL]
+    none = np.where(np.arange(len(TERMS)) == CL, -CENTRE / SD, known.values)
     return float(known.score - _judge([rows], none[None]).score[0]) if known.values[CL] < none[CL] else 0.0
 
 
@@ -390,8 +385,7 @@ def measure_motion(tracks: Tracks, without: frozenset[int] = frozenset()) -> Mot
         degree = 4 if len(t_s) >= 2 * SAMPLES else 3
         fit, basis = polynomial.polyfit(scaled, places, degree), polynomial.polyvander(scaled, degree)
         noise_m = np.sqrt(((places - basis @ fit)**2).sum() / (3.0 * max(len(scaled) - degree - 1, 1)))
-        slope = polynomial.polyder(fit) / half_s
-        middle = np.array([-0.5, 0.0, 0.5])
+        slope, middle = polynomial.polyder(fit) / half_s, np.array([-0.5, 0.0, 0.5])
         measured.append((shot, np.concatenate([
             polynomial.polyval(middle, slope).T,
             [polynomial.polyval(middle, polynomial.polyder(slope)).mean(axis=1) / half_s],
@@ -416,8 +410,7 @@ def _sampled(tracks: Tracks) -> Iterator[tuple[int, Floats, Float[np.ndarray, "n
 def jolts(tracks: Tracks) -> Iterator[tuple[int, float, bool]]:
     """Shot, time and whether it is at the start, where a velocity changes at once, as no force of the air does it."""
     for shot, t_s, seen in _sampled(tracks):
-        places = np.median([seen[:-2], seen[1:-1], seen[2:]], axis=0)          # one stray sample is no jolt
-        t_s = t_s[1:-1]
+        places, t_s = np.median([seen[:-2], seen[1:-1], seen[2:]], axis=0), t_s[1:-1]   # one stray sample is no jolt
         span = max(round(WINDOW * len(t_s)), 2)
         slope = (places[span:] - places[:-span]) / (t_s[span:] - t_s[:-span])[:, None]
         change = np.linalg.norm(slope[span:] - slope[:-span], axis=1)
@@ -436,13 +429,12 @@ def unusual(dataset: Dataset) -> float:
     """Return how unusual the sizes of all quantities are, in nats; a column's size is its median."""
     rig, shots, (speed, _) = dataset.rig, dataset.shots, launched(dataset)
     motor = shots.number("motor_ratio") * (rig.launcher.free_speed_rad_s or math.nan)
-    with np.errstate(all="ignore"):
-        around = 2.0 * math.pi * rig.ball.radius_m / np.where(speed > 0.0, speed, np.nan)
-        found: dict[str, Any] = {
-            "density": rig.ball.density_kg_m3, "speed": speed, "rim": around * shots.number("exit_spin_rev_s"),
-            "rim of all": around * np.sqrt(sum(shots.number(name)**2 for name in SPIN_VECTOR)),
-            **{f"motor of {wheel.name}": shots.number(f"wheel_{wheel.name}_rad_s") / (motor * wheel.gear)
-               for wheel in rig.launcher.wheel}, "allowed": _by_allowed(dataset)}
+    around = 2.0 * math.pi * rig.ball.radius_m / np.where(speed > 0.0, speed, np.nan)
+    found: dict[str, Any] = {
+        "density": rig.ball.density_kg_m3, "speed": speed, "rim": around * shots.number("exit_spin_rev_s"),
+        "rim of all": around * np.sqrt(sum(shots.number(name)**2 for name in SPIN_VECTOR)),
+        **{f"motor of {wheel.name}": shots.number(f"wheel_{wheel.name}_rad_s") / (motor * wheel.gear)
+           for wheel in rig.launcher.wheel}, "allowed": _by_allowed(dataset)}
     # without a target, balls may be dropped from a tower
     found |= {key: value_of(dataset, key) if "." in key else shots.number(key) for key in QUANTITIES
               if key not in found and (rig.target or key != "launcher.release_height_m")}

@@ -174,9 +174,8 @@ class Reading:
 
     def traces(self, rows: Rows) -> Iterator[dict[str, Cell]]:
         """The speeds and the battery around each shot."""
-        for column, series in self.columns.items():
-            if not SPEED.fullmatch(column) and column != "battery_v":
-                continue
+        for column in filter(re.compile(f"battery_v|{SPEED.pattern}").fullmatch, self.columns):
+            series = self.columns[column]
             signals = {column: 1.0} if column != MOTOR else {           # not the motors'
                 f"wheel_{wheel.name}_rad_s": wheel.gear for wheel in self.rig.launcher.wheel}
             for signal, factor in signals.items():
