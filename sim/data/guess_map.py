@@ -4,6 +4,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -158,7 +159,6 @@ class _Guessing:
             key: series for key, cells in source[0].columns.items() if (series := _series(key, cells)) is not None}
         self.free = {**self.all}                       # that are not taken yet
         self.columns: dict[str, Signal] = {}
-        self.nearly: dict[str, list[str]] = {}         # by columns: lines on signals of such names that are not that
         self.lines: list[str] = []
 
     def guess(self, time: TimeColumn, has_three: bool, outcomes: Mapping[str, str]) -> Guess:
@@ -168,8 +168,7 @@ class _Guessing:
             self._take_own(key)
         self._take_needed()
         for column in ("battery_v", "temperature_c", "t_s") if self.tables else ("battery_v",):
-            if column not in self.columns and not self._take_number(column, column):
-                self.lines += self.nearly[column]
+            self.lines += [] if column in self.columns else self._take_number(column, column) or []
         if self.tables:
             self._take_texts()
         shot_map = ShotMap(maps.SCHEMA, rows="shot" if self.tables else "time", columns={**self.columns}, time=time,
@@ -206,25 +205,24 @@ class _Guessing:
         """Distance, angle and speed; InputError where one is found nowhere."""
         wheels = self.rig.launcher.wheel
         speed = MOTOR if self.rig.launcher.free_speed_rad_s or not wheels else f"wheel_{wheels[0].name}_rad_s"
-        missing = dict[str, str]()                     # column: as which column of a map
+        missing = dict[str, list[str]]()               # column of a map: lines on what is not that
         for column, instead in NEEDED.items():
             have = {MOTOR if maps.WHEEL.fullmatch(one) else one for one in self.columns}
             read = speed if column == MOTOR else column
-            if not have & {column, *instead} and not self._take_number(column, read) and not (
-                    column == "hood_deg" and self._take_number(SERVO, SERVO)):
-                missing[column] = read
+            nearly = None if have & {column, *instead} else self._take_number(column, read)
+            if nearly is not None and (column != "hood_deg" or self._take_number(SERVO, SERVO) is not None):
+                missing[read] = nearly
         if missing:
             raise self._not_recognised(missing)
 
-    def _take_number(self, column: str, read: str) -> bool:
-        """Take the signal of numbers that looks most like a column; read: as which column of a map."""
+    def _take_number(self, column: str, read: str) -> list[str] | None:
+        """Take the signal of numbers that looks most like a column; read: as which column of a map. Where none does,
+        return lines on signals of such names, and why they are not that."""
         scored = [(*self._score(series, column), -len(key), key) for key, series in self.free.items()
                   if self.tables or len(series.t_s) > 1]
         fit = [(score, length, key) for score, unfit, length, key in scored if score > 0.0 and not unfit]
-        self.nearly[column] = [f"{column}: not {key}: {unfit}" for score, unfit, _, key in scored
-                               if score > 0.0 and unfit][:MOST_NEAR]
         if not fit:
-            return False
+            return [f"{column}: not {key}: {unfit}" for score, unfit, _, key in scored if score > 0.0][:MOST_NEAR]
         *_, key = max(fit, key=lambda one: one[:2])
         stated, seen = unit_said(self.free[key]), unit_seen(self.free[key], column)
         note = (f", in {stated}" if stated else f", in {seen} by the size of its numbers" if seen else
@@ -237,7 +235,7 @@ class _Guessing:
         if read == SERVO:
             self.lines[-1] += TWO_POINTS if self.rig.launcher.hood is UNSET else ", an angle by launcher.hood.map"
         self.lines += [GEARED] * (read == MOTOR)
-        return True
+        return None
 
     def _score(self, series: Series, column: str) -> tuple[float, str]:
         """How much a signal looks like a column by its name and unit, 0 where it cannot be that, and what its numbers
@@ -246,14 +244,12 @@ class _Guessing:
         said, nouns = set(words), nouns | (loose if self.tables or len(self.all) < MOST_LISTED else frozenset())
         unit = unit_said(series) or (unit_seen(series, column) if series.numeric else "")
         factor = maps.factor_of(column, unit) if unit else None
-        if (not nouns & said or (never | (GROUPS["odd"] - kinds - nouns)) & said
+        numbers = np.asarray(series.values, dtype=float) if series.numeric else np.zeros(1)
+        if (not nouns & said or (never | (GROUPS["odd"] - kinds - nouns)) & said or not np.isfinite(numbers).any()
                 or (factor is None and (unit or (kinds and not kinds & said)))):
             return 0.0, ""
         if not series.numeric:
             return 1.0, f"holds texts, such as {series.values[0]!r}; write numbers alone"
-        numbers = np.asarray(series.values, dtype=float)
-        if not np.isfinite(numbers).any():
-            return 0.0, ""
         varies = len(np.unique(numbers[:2000])) > 3
         return (1.0 + (factor is not None) + varies + 0.5 * len(nouns & said) + (words[-1] in nouns | kinds)
                 + 0.5 * bool({"hub", "goal", "speaker", "target"} & said)), self._unfit(column, series, unit)
@@ -317,7 +313,7 @@ class _Guessing:
         cells = [str(cell or "").strip() for table in self.tables for cell in table.columns.get(key, [None])]
         return all(cells) and len(set(cells)) == len(cells)
 
-    def _not_recognised(self, missing: dict[str, str]) -> InputError:
+    def _not_recognised(self, missing: dict[str, list[str]]) -> InputError:
         """Columns that are missing, those that were recognised, and the signals to choose from, those that change
         first."""
         kind = "column" if self.tables else "signal"
@@ -325,9 +321,9 @@ class _Guessing:
                   and len(numbers := series.values[np.isfinite(series.values)])}
         keys = sorted(moving, key=lambda key: (len(np.unique(moving[key][:2000])) <= 2, key))
         return InputError("\n".join([
-            f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing.values())}; write a map by "
+            f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing)}; write a map by "
             "hand: docs/how-to/importing.md", *(f"recognised: {line}" for line in self.lines),
-            *(line for column in missing for line in self.nearly[column]), f"{kind}s with numbers:",
+            *chain(*missing.values()), f"{kind}s with numbers:",
             *(f"  {key}: {min(moving[key]):.4g} to {max(moving[key]):.4g} {unit_said(self.all[key])}".rstrip()
               for key in keys[:MOST_LISTED]),
             *[f"  and {len(keys) - MOST_LISTED} more"] * (len(keys) > MOST_LISTED)]))
