@@ -153,8 +153,8 @@ def needed_speed(distance_m: Any, rise_m: Any, hood_deg: Any, gravity_m_s2: floa
 
 def flown_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
     """Return the rows of shots with a distance, an angle and a speed."""
-    return np.flatnonzero(np.isfinite(
-        dataset.shots.number("distance_m") + elevation_deg(dataset) + launched(dataset)[0]))
+    distance_m, (speed_m_s, _) = dataset.shots.number("distance_m"), launched(dataset)
+    return np.flatnonzero(np.isfinite(distance_m + elevation_deg(dataset) + speed_m_s))
 
 
 def judged_shots(dataset: Dataset) -> Int[np.ndarray, " n"]:
@@ -240,7 +240,7 @@ def _of_shots(dataset: Dataset, judged: Int[np.ndarray, " n"], fine: tuple[int, 
     off_m = np.array([[0.2], [-0.2]]) * half          # chosen: balls are aimed at the middle of the opening
     up, down = need(np.zeros((2, len(TERMS))), **{"farther_m" if target.faces_up else "higher_m": off_m})
     wide = np.clip(np.nan_to_num(np.abs(up - down), nan=0.02, posinf=0.02), 1e-4, 0.2)
-    return residuals, wide, judged, len(judged)
+    return residuals, wide, judged, float(len(judged))
 
 
 def _of_tracks(dataset: Dataset, motion: Motion) -> Part:

@@ -18,7 +18,7 @@ import numpy as np
 from msgspec import structs
 
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import too_large
+from truearc.robot.config.rig_spec import Target, too_large
 from truearc.robot.config.shot_map import in_unit
 from truearc.sim.check import believable
 from truearc.sim.check.believable import TABLE, UNITS, Fit, Motion, Reading, elevation_deg, explain, nats_of, rows_of
@@ -165,12 +165,12 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
                 dataset, name, count=len(own), shots=_listed(own, 3)) if own)
         if all(flaw.warns for flaw in unmeasured):
             motion = believable.measure_motion(dataset.tracks, frozenset(shot for shot, *_ in touched))
-    stated = [*_stated(dataset), *_of_rim(dataset)]
+    target = dataset.rig.target
+    stated = [*_stated(dataset), *(_of_rim(dataset, target) if target and target.faces_up else ())]
     elsewhere = any(flaw.check in ("gravity", "air") and not flaw.warns for flaw in stated)
     likely = [] if elsewhere else list(_judged(Reading(dataset, motion)))
-    places = {flaw.place for flaw in likely}
     yield from likely
-    yield from (flaw for flaw in stated if flaw.place not in places)
+    yield from (flaw for flaw in stated if flaw.place not in {one.place for one in likely})
     if dataset.times is not None:
         yield from _of_times(dataset, dataset.times)
 
@@ -250,8 +250,7 @@ def _each(reading: Reading, known: Fit) -> Iterator[Flaw]:
                               elevation_deg(reading.dataset)[rows]])
         slope, *_ = np.linalg.lstsq(by, off)
         if slope[0] < -SURE * np.std(off - by @ slope) * math.sqrt(np.linalg.pinv(by.T @ by)[0, 0]):
-            yield from remark(reading.dataset, "reversed",
-                              column="side" if "side" in shots.texts else "miss_height_m")
+            yield from remark(reading.dataset, "reversed", column="side" if "side" in shots.texts else "miss_height_m")
 
 
 def _unmeasured(dataset: Dataset) -> Iterator[Flaw]:
@@ -262,8 +261,7 @@ def _unmeasured(dataset: Dataset) -> Iterator[Flaw]:
         values = getattr(dataset.tracks, axis, np.zeros(0))
         known = values[np.isfinite(values)]
         if len(known) > 1 and np.ptp(known) == 0.0 and not (upright and axis == "x_m"):
-            yield from remark(dataset, "unmeasured" if meaning else "flat", axis=axis, value=known[0],
-                              meaning=meaning)
+            yield from remark(dataset, "unmeasured" if meaning else "flat", axis=axis, value=known[0], meaning=meaning)
 
 
 def _stated(dataset: Dataset) -> Iterator[Flaw]:
@@ -294,11 +292,9 @@ def _stated(dataset: Dataset) -> Iterator[Flaw]:
     yield from remark(dataset, "signs", wrong, all=stated.sum())
 
 
-def _of_rim(dataset: Dataset) -> Iterator[Flaw]:
+def _of_rim(dataset: Dataset, target: Target) -> Iterator[Flaw]:
     """Judge whether balls can come down into an opening that faces up."""
-    rig, shots, target = dataset.rig, dataset.shots, dataset.rig.target
-    if target is None or not target.faces_up:
-        return
+    rig, shots = dataset.rig, dataset.shots
     angle, release_m = np.radians(elevation_deg(dataset)), rig.launcher.release_height_m
     rise_m, up_m_s = target.centre_height_m - release_m, believable.launched(dataset)[0] * np.sin(angle)
     above_m = LIFTED * up_m_s[np.isfinite(up_m_s)]**2 / (2.0 * rig.world.gravity_m_s2)
@@ -322,8 +318,8 @@ def _balls(dataset: Dataset) -> Iterator[Flaw]:
                 "ball": f"{whose} of {mass_kg[at]:g} kg and {radius_m[at]:g} m radius", "number": radius_m[at],
                 "grams": mass_kg[at] / 1000.0, "ounces": mass_kg[at] * OUNCE_KG}
     yield from beyond("ball", mass_kg / (4.0 / 3.0 * math.pi * radius_m**3), words)
-    if max(np.ptp(np.log(mass_kg)), np.ptp(np.log(radius_m))) > ALIKE_BALLS:
-        yield from remark(dataset, "balls")
+    alike = max(np.ptp(np.log(mass_kg)), np.ptp(np.log(radius_m))) <= ALIKE_BALLS
+    yield from remark(dataset, "balls") if not alike else ()
 
 
 def _of_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:
