@@ -1,8 +1,8 @@
 """Plausibility checks of a dataset before inference: wrong units, axes and angles, which a fit mistakes for physics.
 
-Data and rig are compared with all believable physics, as recorded and with each likely slip undone. A slip is refused,
-by the name of its check, if believable physics does not explain the data as recorded and explains them better by a
-factor of BETTER with the slip undone. Less is a warning.
+Data and rig are compared with all believable physics, as recorded and with each likely slip of slips.toml undone. A
+slip is refused, by the name of its check, if believable physics does not explain the data as recorded and explains them
+better by a factor of BETTER with the slip undone. Less is a warning.
 """
 
 import math
@@ -10,20 +10,21 @@ import re
 import shlex
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec import structs
 
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import too_large
+from truearc.robot.config.rig_spec import Target, too_large
+from truearc.robot.config.shot_map import in_unit
 from truearc.sim.check import believable
-from truearc.sim.check.believable import Fit, Reading, Rows, explain, judged_shots, rows_of
-from truearc.sim.check.causes import TABLE, UNITS, Flaw, causes, unusual, value_of
-from truearc.sim.check.motion import TRACKS, jolts, measure_motion
-from truearc.sim.data.dataset import Dataset, Floats, Shots, Times
-from truearc.sim.data.table import SPIN_VECTOR
-from truearc.sim.physics.simulate import has_wheels, launch_state
+from truearc.sim.check.believable import TABLE, UNITS, Fit, Motion, Reading, elevation_deg, explain, nats_of, rows_of
+from truearc.sim.data.dataset import Dataset, Floats, Times
+from truearc.sim.data.table import SPIN_VECTOR, WHEEL
+from truearc.sim.physics.simulate import has_wheels
 
 CHECKS = ("gravity", "axes", "bounce", "track-length", "track-shots", "speed", "hood", "mass", "radius", "reach", "air",
           "target", "noise", "wheels", "height", "release", "balls", "spin", "fit")
@@ -41,9 +42,69 @@ SCORED, MISSED = 0.06, 0.15           # of log speeds, from what their aim needs
 SURE = 4.0                            # standard errors by which high ones were slower; chosen: chance once in 30,000
 GEARED = 0.05                         # log by which ratios of speeds are those of gears; chosen: they slow by per cents
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's; chosen: as scales err
+TABLES = ".csv", ".parquet"
 OUNCE_KG = 0.0283495                  # definition
 LIFTED = 1.5                          # times as high as without air a ball may rise; chosen: backspin at most
 UPRIGHT_DEG = 85.0                    # hood angles from which a ball need not go forwards; chosen: scatter turns it
+TILT = 0.27                           # derived: tan of the 15 degrees that the term track_tilt allows
+TALLEST = 0.25                        # share of the target's height; chosen: heights from the floor scatter by less
+NEAR = 0.3                            # share of a release height; chosen: tracks that begin so low are from the exit
+# rows of units of the rig's numbers and of tracks, beside the other slips of these
+OF_RIG = [{**about, "of": key, "times": factor, "what": f"this looks like {unit}: {{size:.3g}} {about['own']}"}
+          for key, about in believable.QUANTITIES.items() if "own" in about
+          for unit, (_, factor) in UNITS[about["units"]].items() if factor != 1.0] + TABLE["rig"]
+OF_TRACKS = [{"of": [f"{axis}_m" for axis in axes], "check": "gravity", "rare": rare, "single": single,
+              "what": f"these look like {unit}: rename " + ", ".join(f"{axis}_m to {axis}_{suffix}" for axis in axes),
+              "matrix": np.diag([metres if axis in axes else 1.0 for axis in "xyz"])}
+             for unit, (suffix, metres) in UNITS["length"].items() if metres != 1.0
+             for axes, rare, single in (("xyz", 0.0, unit), ("z", 2.0, ""))] + TABLE["tracks"]
+Slips = Iterator[tuple[dict[str, Any], Any, dict[str, Any]]]            # row, what is then read, words
+
+
+class Flaw(NamedTuple):
+    """One implausible thing: which check, the file and key, and a sentence with what to do."""
+
+    check: str
+    place: str
+    what: str
+    warns: bool = False               # it may well be true
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.what}"
+
+
+class Cause(NamedTuple):
+    """A slip: the data with it undone, how rare it is [nats], and what to call some rows alone that have it.
+
+    sure: how many times the usual evidence refuses it; inf: it may well be so, and is only warned of; mixed: some rows
+    have it.
+    """
+
+    flaw: Flaw
+    undone: Reading
+    rare: float
+    single: str = ""
+    sure: float = 1.0
+    mixed: bool = False
+
+
+def flaw_of(row: dict[str, Any], place: str = "", **words: Any) -> Flaw:
+    """Return what a row of slips.toml says, of a place or of its own."""
+    return Flaw(row["check"], place or row["place"].format(**words), row["what"].format(**words),
+                row.get("warns", False))
+
+
+def remark(dataset: Dataset, name: str, rows: Any = None, **words: Any) -> Iterator[Flaw]:
+    """Yield what slips.toml says of a finding, if there is one: with rows of shots, not where these are none."""
+    ids = None if rows is None else [dataset.shots.shot_id[row] for row in rows]
+    if ids != []:
+        said = {"source": dataset.shots.source, "count": len(ids or ()), "shots": _listed(ids or [])}
+        yield flaw_of(TABLE["remarks"][name], **{**said, **words})
+
+
+def _listed(names: list[str], most: int = 5) -> str:
+    """The first names, and whether there are more."""
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
 
 
 def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
@@ -56,20 +117,17 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
         InputError: names every other objection with its file, key, likeliest cause and check; or an unknown check.
     """
     accept = (accept,) if isinstance(accept, str) else accept
-    for name in accept:
-        if name not in CHECKS:
-            raise InputError(f"accept: there is no check {name!r}; there are {', '.join(CHECKS)}")
+    if unknown := [name for name in accept if name not in CHECKS]:
+        raise InputError(f"accept: there is no check {unknown[0]!r}; there are {', '.join(CHECKS)}")
     with np.errstate(all="ignore"):       # absurd numbers overflow on their way to an objection
         objections = [_named(objection, dataset) for objection in _objections(dataset)]
-    refused = [objection for objection in objections if not objection.warns and objection.check not in accept]
-    if refused:
+    if refused := [one for one in objections if not one.warns and one.check not in accept]:
         shots = Path(dataset.shots.source)
-        again = f"truearc check {shlex.quote(str(shots.parent))}" if shots.suffix in (".csv", ".parquet") else ""
-        anew = ([f"Correct the file, and import it anew: {dataset.imported}"] if dataset.imported else
-                [f"Correct the file, and run: {again}"] if again else [])
-        raise InputError("\n".join([*(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; if the "
-                                      f"data are right as recorded: --accept {objection.check})"
-                                      for objection in refused), *anew]))
+        again = f"run: truearc check {shlex.quote(str(shots.parent))}" if shots.suffix in TABLES else ""
+        again = f"import it anew: {dataset.imported}" if dataset.imported else again
+        raise InputError("\n".join([*(f"{_placed(one, shots)} (check {one.check!r}; if the data are right as recorded: "
+                                      f"--accept {one.check})" for one in refused),
+                                    *([f"Correct the file, and {again}"] if again else [])]))
     return replace(dataset, accepted=tuple(f"{objection.check}: {objection}" for objection in objections))
 
 
@@ -79,77 +137,77 @@ def _named(objection: Flaw, dataset: Dataset) -> Flaw:
     written = {"tracks": dataset.track_columns, dataset.shots.source: dataset.shots.written}.get(file, {})
     names = {key: name for key, (name, *_) in written.items() if name != key}
     read = [f"{key} is the file's {names[key]}" for key in re.findall(r"\w+", keys) if key in names]
-    if not read:
-        return objection
     own = re.sub(r"\w+", lambda key: names.get(key[0], key[0]), keys)
-    return objection._replace(place=f"{file}: {own}", what=f"{objection.what} ({', '.join(read)})")
+    return objection._replace(place=f"{file}: {own}", what=objection.what + (f" ({', '.join(read)})" if read else ""))
 
 
-def _placed(objection: Flaw, shots: str) -> str:
+def _placed(objection: Flaw, shots: Path) -> str:
     """Return the objection as text, with the folder of the shots' file before the names of files beside it."""
-    folder = Path(shots).parent if Path(shots).suffix in (".csv", ".parquet") else None
     table = objection.place.partition(":")[0]
-    if folder is None or table not in ("rig.toml", "tracks", "times"):
+    if shots.suffix not in TABLES or table not in ("rig.toml", "tracks", "times"):
         return str(objection)
-    kind = Path(shots).suffix if (folder / f"{table}{Path(shots).suffix}").exists() else ".csv"
-    file = table if table == "rig.toml" else f"{table}{kind}"
-    return f"{folder}/{objection._replace(place=objection.place.replace(table, file, 1))}"
+    kind = shots.suffix if (shots.parent / f"{table}{shots.suffix}").exists() else ".csv"
+    return f"{shots.parent}/{table}{kind if table != 'rig.toml' else ''}{str(objection).removeprefix(table)}"
 
 
 def _objections(dataset: Dataset) -> Iterator[Flaw]:
     unmeasured = list(_unmeasured(dataset))
     yield from unmeasured
-    touched = [] if dataset.tracks is None else list(jolts(dataset.tracks))
-    yield from _touched(dataset, touched)
     motion = None
-    if dataset.tracks is not None and all(flaw.warns for flaw in unmeasured):
-        motion = measure_motion(dataset.tracks, frozenset(shot for shot, *_ in touched))
-    stated = [*_stated(dataset), *_of_rim(dataset)]
+    if dataset.tracks is not None:
+        touched = list(believable.jolts(dataset.tracks))
+        for name, early in (("held", True), ("touched", False)):
+            own = [f"{dataset.shots.shot_id[shot]} at t_s = {t_s:.4g}" for shot, t_s, at_start in touched
+                   if at_start == early]
+            # noise makes one of some 800 tracks look so, measured by benchmarks.plausibility: one alone is warned of
+            alone = len(own) == 1 and len(set(dataset.tracks.shot)) > believable.TRACKS
+            yield from (one._replace(warns=alone) for one in remark(
+                dataset, name, count=len(own), shots=_listed(own, 3)) if own)
+        if all(flaw.warns for flaw in unmeasured):
+            motion = believable.measure_motion(dataset.tracks, frozenset(shot for shot, *_ in touched))
+    target = dataset.rig.target
+    stated = [*_stated(dataset), *(_of_rim(dataset, target) if target and target.faces_up else ())]
     elsewhere = any(flaw.check in ("gravity", "air") and not flaw.warns for flaw in stated)
     likely = [] if elsewhere else list(_judged(Reading(dataset, motion)))
-    places = {flaw.place for flaw in likely}
     yield from likely
-    yield from (flaw for flaw in stated if flaw.place not in places)
+    yield from (flaw for flaw in stated if flaw.place not in {one.place for one in likely})
     if dataset.times is not None:
         yield from _of_times(dataset, dataset.times)
 
 
 def _judged(reading: Reading) -> Iterator[Flaw]:
     """Yield the likeliest slip if, undone, it lets believable physics explain the data better than as recorded."""
-    judged = judged_shots(reading.dataset)
-
-    def told(undone: Reading, shots: np.ndarray, rough: bool = False) -> Rows:
-        return rows_of(undone, shots, sum(unusual(undone.dataset).values()), rough)
-    as_recorded = told(reading, judged)
+    judged = believable.judged_shots(reading.dataset)
+    as_recorded = rows_of(reading, judged)
     known = explain([as_recorded])
-    yield from _topspin(reading, as_recorded, known)
+    if reading.motion is not None and np.isfinite(reading.dataset.shots.number("exit_spin_rev_s")).any() and (
+            believable.lifts_less(as_recorded, known) > PRESSED):
+        yield from remark(reading.dataset, "topspin")
     if known.surprise < EXPECTED:
         yield from _each(reading, known) if len(judged) else ()
         return
     # the shots that are farthest off, and as many others, tell which slips are promising
     odd = np.argsort(-np.abs(known.rest[:len(judged)]))[:FEW // 2]
     few = judged[np.unique(np.append(odd, np.linspace(0, len(judged) - 1, min(FEW, len(judged))).astype(int)))]
-    as_few = told(reading, few, rough=True)
-    every = [cause for one in causes(reading) for cause in (
-        (one, one._replace(rare=MIXED, mixed=True)) if one.single else (one,))]
-    unlikely = [cause.rare + (as_few.unusual if cause.mixed else sum(unusual(cause.undone.dataset).values()))
-                for cause in every]
+    as_few = rows_of(reading, few, rough=True)
+    every = list(causes(reading))
+    unlikely = [one.rare + (as_few.unusual if one.mixed else believable.unusual(one.undone.dataset)) for one in every]
     tried: list[tuple[float, int]] = []
     best = as_recorded_few = explain([as_few], [known.values], 0).score
     for place in sorted(range(len(every)), key=unlikely.__getitem__):
         # even where it explained all else, it would not be the best
         if unlikely[place] > known.lower - (best - as_recorded_few) + SLACK:
             break
-        undone = [*[as_few] * every[place].mixed, told(every[place].undone, few, rough=True)]
+        undone = [*[as_few] * every[place].mixed, rows_of(every[place].undone, few, rough=True)]
         score = explain(undone, [known.values], 1, 1).score - every[place].rare
         tried.append((score, -place))
         best = max(best, score)
     found: list[tuple[float, float, Flaw]] = []
     for cause in (every[-place] for _, place in sorted(tried, reverse=True)[:PROMISING]):
-        fit, flaw = explain([*[as_recorded] * cause.mixed, told(cause.undone, judged)], [known.values]), cause.flaw
-        if cause.mixed and len(fit.otherwise) < (1 if cause.undone.dataset is reading.dataset else 2):
-            continue
+        fit, flaw = explain([*[as_recorded] * cause.mixed, rows_of(cause.undone, judged)], [known.values]), cause.flaw
         if cause.mixed:
+            if len(fit.otherwise) < (1 if cause.undone.dataset is reading.dataset else 2):
+                continue
             ids = _listed([reading.dataset.shots.shot_id[row] for row in fit.otherwise])
             flaw = flaw._replace(what=f"{len(fit.otherwise)} of {len(set(as_recorded.whose))} judged look like "
                                  f"{cause.single}: convert these: {ids}")
@@ -159,68 +217,40 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
     if gain > LIKELIER:
         others = [other.what.partition(":")[0] for score, _, other in found[1:3] if score > gain - CLOSE]
         what = flaw.what + (f"; or another: {'; '.join(others)}" if others else "")
-        if gain > BETTER * sure and known.surprise > REFUSED:
-            yield flaw._replace(what=f"{what}; the data are then 10^{gain / math.log(10.0):.0f} times as likely")
-        else:
-            yield flaw._replace(warns=True, what=f"{what}; make sure that this is not so, for the data are then "
-                                "likelier")
-    else:
-        yield from _unexplained(reading, as_recorded.whose, known)
-        yield from _each(reading, known) if len(judged) else ()
-
-
-def _topspin(reading: Reading, rows: Rows, known: Fit) -> Iterator[Flaw]:
-    """Yield a warning if the stated backspin presses balls down: it may be topspin."""
-    shots = reading.dataset.shots
-    if reading.motion is not None and np.isfinite(shots.number("exit_spin_rev_s")).any() and (
-            believable.lifts_less(rows, known) > PRESSED):
-        yield remark("topspin", source=shots.source)
+        warns = gain <= BETTER * sure or known.surprise <= REFUSED
+        yield flaw._replace(warns=warns, what=what + (
+            "; make sure that this is not so, for the data are then likelier" if warns else
+            f"; the data are then 10^{gain / math.log(10.0):.0f} times as likely"))
+        return
+    far = np.unique(as_recorded.whose[np.abs(known.rest) > LONE])
+    yield from remark(reading.dataset, "far", far)
+    yield from remark(reading.dataset, "unexplained") if not len(far) and known.surprise > ODD else ()
+    yield from _each(reading, known) if len(judged) else ()
 
 
 def _each(reading: Reading, known: Fit) -> Iterator[Flaw]:
     """Yield warnings of what the speeds of all shots tell, misses among them: another unit of some, reversed signs."""
     shots, rows = reading.dataset.shots, believable.flown_shots(reading.dataset)
-    missed = np.array(shots.text("outcome"))[rows] == "miss"
-
-    def off(undone: Reading) -> Floats:
-        return believable.speeds_off(undone, rows, known)
-
-    def nats(undone: Reading) -> Floats:
-        widths = off(undone) / np.where(missed, MISSED, SCORED)
-        return np.asarray(0.5 * (believable.FREEDOM + 1.0) * np.log1p(widths**2 / believable.FREEDOM))
+    off, missed = believable.speeds_off(reading, rows, known), np.array(shots.text("outcome"))[rows] == "miss"
+    width = np.where(missed, MISSED, SCORED)
     found: list[tuple[float, Flaw]] = []
-    for cause in filter(lambda cause: cause.single, causes(reading._replace(motion=None))):
-        better = nats(reading) - nats(cause.undone) - believable.MIXED
+    for cause in filter(lambda cause: cause.mixed, causes(reading._replace(motion=None))):
+        undone = believable.speeds_off(cause.undone, rows, known)
+        better = nats_of(off / width) - nats_of(undone / width) - believable.MIXED
         ids = [shots.shot_id[row] for row in rows[better > 0.0]]
         found.append((better[better > 0.0].sum() - MIXED, cause.flaw._replace(
             warns=True, what=f"{len(ids)} of {len(rows)} shots look like {cause.single}; make sure of these: "
             f"{_listed(ids)}")))
     yield from (flaw for gain, flaw in sorted(found, reverse=True)[:1] if gain > BETTER)
-    up = ups(shots)[rows]
+    side, height = np.array(shots.text("side"))[rows], np.nan_to_num(shots.number("miss_height_m"))[rows]
+    up = np.select([np.isin(side, ("high", "long")), np.isin(side, ("low", "short"))], [1.0, -1.0], np.sign(height))
     if min((up > 0.0).sum(), (up < 0.0).sum()) >= believable.SCORES:
         # beside what the physics does not explain by distance and angle
         by = np.column_stack([up, np.ones(len(rows)), shots.number("distance_m")[rows],
-                              believable.elevation_deg(reading.dataset)[rows]])
-        slope, *_ = np.linalg.lstsq(by, off(reading))
-        spread = np.std(off(reading) - by @ slope) * math.sqrt(np.linalg.pinv(by.T @ by)[0, 0])
-        if slope[0] < -SURE * spread:
-            yield remark("reversed", source=shots.source, column="side" if "side" in shots.texts else "miss_height_m")
-
-
-def ups(shots: Shots) -> Floats:
-    """Return 1 for shots that passed high or came down long, -1 for low or short ones, by the side or else the height;
-    0 where neither says it."""
-    side, height = np.array(shots.text("side")), np.nan_to_num(shots.number("miss_height_m"))
-    return np.select([np.isin(side, ("high", "long")), np.isin(side, ("low", "short"))], [1.0, -1.0], np.sign(height))
-
-
-def _unexplained(reading: Reading, whose: np.ndarray, known: Fit) -> Iterator[Flaw]:
-    """Yield rows or numbers that neither believable physics nor a known slip explains."""
-    shots = reading.dataset.shots
-    if len(far := np.unique(whose[np.abs(known.rest) > LONE])):
-        yield remark("far", source=shots.source, count=len(far), shots=_listed([shots.shot_id[row] for row in far]))
-    elif known.surprise > ODD:
-        yield remark("unexplained", source=shots.source)
+                              elevation_deg(reading.dataset)[rows]])
+        slope, *_ = np.linalg.lstsq(by, off)
+        if slope[0] < -SURE * np.std(off - by @ slope) * math.sqrt(np.linalg.pinv(by.T @ by)[0, 0]):
+            yield from remark(reading.dataset, "reversed", column="side" if "side" in shots.texts else "miss_height_m")
 
 
 def _unmeasured(dataset: Dataset) -> Iterator[Flaw]:
@@ -231,17 +261,7 @@ def _unmeasured(dataset: Dataset) -> Iterator[Flaw]:
         values = getattr(dataset.tracks, axis, np.zeros(0))
         known = values[np.isfinite(values)]
         if len(known) > 1 and np.ptp(known) == 0.0 and not (upright and axis == "x_m"):
-            yield remark("unmeasured" if meaning else "flat", axis=axis, value=known[0], meaning=meaning)
-
-
-def _touched(dataset: Dataset, touched: list[tuple[int, float, bool]]) -> Iterator[Flaw]:
-    for name, early in (("held", True), ("touched", False)):
-        own = [f"{dataset.shots.shot_id[shot]} at t_s = {t_s:.4g}" for shot, t_s, at_start in touched
-               if at_start == early]
-        if own:
-            # noise makes one of some 800 tracks look so, measured by benchmarks.plausibility: one alone is warned of
-            alone = len(own) == 1 and dataset.tracks is not None and len(set(dataset.tracks.shot)) > TRACKS
-            yield remark(name, count=len(own), shots=_listed(own, 3))._replace(warns=alone)
+            yield from remark(dataset, "unmeasured" if meaning else "flat", axis=axis, value=known[0], meaning=meaning)
 
 
 def _stated(dataset: Dataset) -> Iterator[Flaw]:
@@ -252,47 +272,38 @@ def _stated(dataset: Dataset) -> Iterator[Flaw]:
         if check and (check != "release" or rig.target is not None):              # others drop balls from towers
             yield Flaw(check, f"rig.toml: {key}", what)
     for key in ("world.gravity_m_s2", "air.density_kg_m3"):
-        yield from beyond(key, np.array([value_of(dataset, key)]), lambda row, at: {"place": f"rig.toml: {row['of']}"})
+        yield from beyond(key, np.array([believable.value_of(dataset, key)]))
     yield from _balls(dataset)
-    if rig.target is not None and rig.launcher.release_height_m == 0.0:
-        yield remark("floor")
-    if not shots.numbers.keys() & {"exit_spin_rev_s", *SPIN_VECTOR}:
-        yield from (remark("unread", source=shots.source, column=name) for name in shots.numbers
-                    if "spin" in name.lower())
+    yield from remark(dataset, "floor") if rig.target and rig.launcher.release_height_m == 0.0 else ()
+    for name in shots.numbers if not shots.numbers.keys() & {"exit_spin_rev_s", *SPIN_VECTOR} else ():
+        yield from remark(dataset, "unread", column=name) if "spin" in name.lower() else ()
     turning = {f"wheel_{wheel.name}_rad_s": abs(wheel.gear) for wheel in rig.launcher.wheel if wheel.gear}
-    speeds = np.array([shots.number(name) for name in turning])
-    if len(turning) > 1 and max(turning.values()) > 1.1 * min(turning.values()) and (
+    speeds, gears = np.array([shots.number(name) for name in turning]), np.array([*turning.values()])
+    if len(turning) > 1 and gears.max() > 1.1 * gears.min() and (
             np.isfinite(speeds).all(axis=0).sum() >= believable.SCORES):
-        logs, gears = np.log(np.maximum(np.abs(speeds), 1e-9)), np.log([*turning.values()])
+        logs = np.log(np.maximum(np.abs(speeds), 1e-9))
         ratios = np.nanmedian(logs - logs[0], axis=1)
-        for name, off, most in (("equal", ratios, 1e-9), ("exchanged", ratios + gears - gears[0], GEARED)):
-            if np.abs(off).max() < most:
-                yield remark(name, source=shots.source, columns=", ".join(turning))
+        off = {"equal": ratios / 1e-9, "exchanged": (ratios + np.log(gears) - np.log(gears)[0]) / GEARED}
+        for name in off:
+            yield from remark(dataset, name, columns=", ".join(turning)) if np.abs(off[name]).max() < 1.0 else ()
     heights, sides = shots.number("miss_height_m"), np.array(shots.text("side"))
     stated = np.isin(sides, ("low", "high")) & (np.abs(heights) > 0.0)
     wrong = np.flatnonzero(stated & (np.where(sides == "low", -heights, heights) < 0.0))
-    if len(wrong):
-        yield remark("signs", source=shots.source, count=len(wrong), all=stated.sum(),
-                     shots=_listed([shots.shot_id[row] for row in wrong]))
+    yield from remark(dataset, "signs", wrong, all=stated.sum())
 
 
-def _of_rim(dataset: Dataset) -> Iterator[Flaw]:
+def _of_rim(dataset: Dataset, target: Target) -> Iterator[Flaw]:
     """Judge whether balls can come down into an opening that faces up."""
-    rig, shots, target = dataset.rig, dataset.shots, dataset.rig.target
-    if target is None or not target.faces_up:
-        return
-    angle = np.radians(believable.elevation_deg(dataset))
-    rise_m = target.centre_height_m - rig.launcher.release_height_m
-    up_m_s = launch_state(rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan)) * np.sin(angle)
+    rig, shots = dataset.rig, dataset.shots
+    angle, release_m = np.radians(elevation_deg(dataset)), rig.launcher.release_height_m
+    rise_m, up_m_s = target.centre_height_m - release_m, believable.launched(dataset)[0] * np.sin(angle)
     above_m = LIFTED * up_m_s[np.isfinite(up_m_s)]**2 / (2.0 * rig.world.gravity_m_s2)
     if len(above_m) and above_m.max() < rise_m:
-        yield remark("ceiling", rim=target.centre_height_m, top=rig.launcher.release_height_m + above_m.max())
+        yield from remark(dataset, "ceiling", rim=target.centre_height_m, top=release_m + above_m.max())
     hits = np.isin(shots.text("outcome"), ("two", "three"))
     far_m = shots.number("distance_m") + target.half_sizes_m[0]
     flat = np.flatnonzero(hits & (np.tan(angle) < 2.0 * rise_m / far_m))        # by the parabola through its far end
-    if len(flat):
-        yield remark("rising", source=shots.source, count=len(flat), all=int(hits.sum()),
-                     shots=_listed([shots.shot_id[row] for row in flat]))
+    yield from remark(dataset, "rising", flat, all=int(hits.sum()))
 
 
 def _balls(dataset: Dataset) -> Iterator[Flaw]:
@@ -301,57 +312,151 @@ def _balls(dataset: Dataset) -> Iterator[Flaw]:
     mass_kg, radius_m = (np.append(own, np.where(np.isfinite(given := shots.number(name)), given, own))
                          for name, own in (("mass_kg", ball.mass_kg), ("radius_m", ball.radius_m)))
 
-    def said(row: dict[str, Any], at: int) -> dict[str, Any]:
-        place, whose = (f"rig.toml: ball.{row['key']}", "a ball") if at == 0 else (
-            f"{shots.source}: mass_kg, radius_m", f"the ball of shot {shots.shot_id[at - 1]}")
-        return {"place": place, "ball": f"{whose} of {mass_kg[at]:g} kg and {radius_m[at]:g} m radius",
-                "number": radius_m[at], "grams": mass_kg[at] / 1000.0, "ounces": mass_kg[at] * OUNCE_KG,
-                "todo": row.get("todo", "") if at else ""}
-    yield from beyond("ball", mass_kg / (4.0 / 3.0 * math.pi * radius_m**3), said)
-    if max(np.ptp(np.log(mass_kg)), np.ptp(np.log(radius_m))) > ALIKE_BALLS:
-        yield remark("balls", source=shots.source)
+    def words(at: int) -> dict[str, Any]:
+        whose = f"the ball of shot {shots.shot_id[at - 1]}" if at else "a ball"
+        return {"place": f"{shots.source}: mass_kg, radius_m" if at else "",
+                "ball": f"{whose} of {mass_kg[at]:g} kg and {radius_m[at]:g} m radius", "number": radius_m[at],
+                "grams": mass_kg[at] / 1000.0, "ounces": mass_kg[at] * OUNCE_KG}
+    yield from beyond("ball", mass_kg / (4.0 / 3.0 * math.pi * radius_m**3), words)
+    alike = max(np.ptp(np.log(mass_kg)), np.ptp(np.log(radius_m))) <= ALIKE_BALLS
+    yield from remark(dataset, "balls") if not alike else ()
 
 
 def _of_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:
     """Judge the times of shots without a known launch, which were dropped from the release height."""
     rig, shots = dataset.rig, dataset.shots
     sped = has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
-    dropped = ~(sped & np.isfinite(believable.elevation_deg(dataset)))[times.shot]
+    dropped = ~(sped & np.isfinite(elevation_deg(dataset)))[times.shot]
     fallen_m = (rig.launcher.release_height_m - times.height_m)[dropped]
     if (fallen_m <= 0.0).any():
-        yield remark("above", stated=rig.launcher.release_height_m, height=times.height_m[dropped].max())
+        yield from remark(dataset, "above", stated=rig.launcher.release_height_m, height=times.height_m[dropped].max())
     elif len(fallen_m):
         each = 2.0 * fallen_m / times.t_s[dropped]**2 / rig.world.gravity_m_s2
         middle, names = np.median(each), [shots.shot_id[row] for row in times.shot[dropped]]
-        for of, values in (("fall", np.array([middle])), ("each fall", each)):
-            if found := list(beyond(of, values, lambda row, at: {
-                    "place": f"times: {row['key']}", "shot": names[at], "middle": middle, "all": len(each)})):
-                yield from found
-                return
+        yield from list(beyond("fall", np.array([middle]))) or beyond(
+            "each fall", each, lambda at: {"shot": names[at], "middle": middle, "all": len(each)})
 
 
-def beyond(of: str, values: Floats, said: Callable[[dict[str, Any], int], dict[str, Any]]) -> Iterator[Flaw]:
-    """Yield the first limit of slips.toml that some numbers are beyond; said: its place and words, of the first one."""
+def beyond(of: str, values: Floats, words: Callable[[int], dict[str, Any]] = lambda at: {}) -> Iterator[Flaw]:
+    """Yield the first limit of slips.toml that some numbers are beyond; words: its own, of the first such number."""
     for row in TABLE["limits"]:
         wrong = np.flatnonzero((values < row.get("least", -math.inf)) | (values > row.get("most", math.inf)))
         if row["of"] == of and len(wrong):
-            value = values[wrong[0]]
-            words: dict[str, Any] = {"number": 1.0, "todo": "", **said(row, int(wrong[0]))}
-            units = [row.get("each", "{unit}").format(unit=unit, number=words["number"] * size)
+            at, value = int(wrong[0]), values[wrong[0]]
+            said: dict[str, Any] = {"number": 1.0, "todo": row.get("todo", "") if at else "", **words(at)}
+            units = [row.get("each", "{unit}").format(unit=unit, number=said["number"] * size)
                      for unit, (_, size) in UNITS.get(row.get("units", ""), {}).items()
                      if row["likely"][0] < value * size**row["power"] < row["likely"][1]]
             looks = row["looks"].format(units=" or ".join(units)) if units else row.get("otherwise")
-            what = row["what"].format(value=value, count=len(wrong), looks=looks, **words) + words["todo"]
-            yield Flaw(row["check"], words["place"], what, row.get("warns", False))
+            yield flaw_of(row, value=value, count=len(wrong), looks=looks, **said)
             return
 
 
-def remark(name: str, **said: Any) -> Flaw:
-    """Return what slips.toml says of a finding."""
-    row = TABLE["remarks"][name]
-    return Flaw(row["check"], row["place"].format(**said), row["what"].format(**said), row.get("warns", False))
+def _with_rig(reading: Reading, key: str, by: Callable[[float], float]) -> Reading:
+    """Return the reading with another number in the rig, for wheels in each of them."""
+    part, *wheels, name = key.split(".")
+    table = getattr(reading.dataset.rig, part)
+    changed = [structs.replace(one, **{name: by(getattr(one, name))}) for one in (table.wheel if wheels else [table])]
+    new = structs.replace(table, wheel=tuple(changed)) if wheels else changed[0]
+    return reading._replace(dataset=replace(reading.dataset, facts=structs.replace(reading.dataset.rig, **{part: new})))
 
 
-def _listed(names: list[str], most: int = 5) -> str:
-    """The first names, and whether there are more."""
-    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
+def causes(reading: Reading) -> Iterator[Cause]:
+    """Yield every slip that the dataset may have, in all rows or in some."""
+    for row, place, undone, words in _slips(reading):
+        cause = Cause(flaw_of(row, place, **words), undone, row["rare"], row.get("single", ""), row.get("sure", 1.0))
+        yield cause
+        if cause.single:
+            yield cause._replace(rare=MIXED, mixed=True)
+
+
+def _slips(reading: Reading) -> Iterator[tuple[dict[str, Any], str, Reading, dict[str, Any]]]:
+    """Yield row of slips.toml, place, the data with it undone, words."""
+    dataset, shots = reading.dataset, reading.dataset.shots
+    known = {name for name, column in shots.numbers.items() if np.isfinite(column).any()}
+    groups = {name: [name] for name in known} | {
+        "wheel": sorted(filter(WHEEL.fullmatch, known)), "spin_vector": [*SPIN_VECTOR] * known.issuperset(SPIN_VECTOR)}
+    known |= {name for name, columns in groups.items() if columns}
+    known |= {"gears" for wheel in dataset.rig.launcher.wheel if wheel.gear not in (0.0, 1.0, -1.0)}
+    if known & {"wheel", "motor_ratio"} and "exit_speed_m_s" not in shots.numbers:
+        known.add("by wheels")
+    of_rig, of_shots = (filter(lambda row: known.issuperset(row.get("needs", ())), rows)
+                        for rows in (OF_RIG, TABLE["shots"]))
+    in_units = (_units(dataset, groups[key], about) for key, about in believable.QUANTITIES.items()
+                if "units" in about and groups.get(key))
+    for row, columns, words in chain(*in_units, *(_of_shots(dataset, row, groups) for row in of_shots)):
+        undone = replace(dataset, shots=replace(shots, numbers=shots.numbers | columns))
+        yield row, f"{shots.source}: {', '.join(columns)}", reading._replace(dataset=undone), words
+    for row in of_rig:
+        if not math.isnan(size := believable.value_of(dataset, row["of"])):
+            by = row["times"].__mul__ if "times" in row else lambda old: old and 1.0 / old
+            yield row, f"rig.toml: {row['of']}", _with_rig(reading, row["of"], by), {"size": by(size)}
+    for row, motion, words in _of_tracks(dataset, reading.motion) if reading.motion else ():
+        yield row, f"tracks: {', '.join(row['of'])}", reading._replace(motion=motion), words
+
+
+def _of_shots(dataset: Dataset, row: dict[str, Any], groups: dict[str, list[str]]) -> Slips:
+    shots = dataset.shots
+    gears = {f"wheel_{wheel.name}_rad_s": wheel.gear for wheel in dataset.rig.launcher.wheel}
+    for first in filter(groups.get, row["of"]):
+        for other in chain(*(groups.get(name, ()) for name in row.get("exchange", ()))):
+            by = shots.written.get(first, ("", 1.0))[1] / shots.written.get(other, ("", 1.0))[1]
+            yield row, {first: shots.number(other) * by, other: shots.number(first) / by}, {
+                "both": f"{first} and {other}"}
+        if "exchange" not in row:
+            yield row, {name: shots.number(name) * row.get("times", gears.get(name, 1.0)) + row.get("plus", 0.0)
+                        for name in groups[first]}, {}
+
+
+def _units(dataset: Dataset, names: list[str], about: dict[str, Any]) -> Slips:
+    """Yield other units for columns; heights may be those above the floor."""
+    shots, target, units = dataset.shots, dataset.rig.target, UNITS[about["units"]]
+    written, size, _ = shots.written.get(names[0], (names[0], 1.0, 0.0))
+    # the last unit is the column's own
+    read = next((unit for unit, (_, factor) in units.items() if math.isclose(factor, size)), [*units][-1])
+    for unit, (suffix, factor) in units.items():
+        by = factor / units[read][1]
+        columns = {name: shots.number(name) * by for name in names}
+        if unit != read:
+            rename = (f"rename {'each' if names[1:] else 'the column'} to {in_unit(written, suffix)}" if suffix else
+                      f"multiply them by {factor:g}") + f" or multiply it by {factor:.3g}" * (unit == "radians")
+            # a column says its unit or, in metres, has it by default
+            rare = about["rare"] + 0.5 * (unit in ("metres", "turns"))
+            yield {**about, "what": "these look like {unit}: {rename}", "rare": rare, "single": unit}, columns, {
+                "unit": unit, "rename": rename}
+        if unit not in (read, "metres") and names == ["distance_m"]:
+            among = {"what": "these look like {unit}", "rare": about["rare"] + 99.0, "single": f"metres among {unit}"}
+            yield about | among, {"distance_m": shots.number("distance_m") / by}, {"unit": among["single"]}
+        if names == ["miss_height_m"] and target is not None:
+            above = columns["miss_height_m"] - target.centre_height_m
+            if abs(float(np.nanmedian(above))) < max(TALLEST * target.centre_height_m, target.two_half_height_m):
+                rename = f", and rename the column to miss_height_{suffix}" if unit != read else ""
+                yield TABLE["remarks"]["floor heights"], {"miss_height_m": above}, {
+                    "unit": unit, "height": target.centre_height_m / by, "rename": rename}
+
+
+def _of_tracks(dataset: Dataset, motion: Motion) -> Slips:
+    """Yield other units, axes, origins and times of tracks, and tracks of the wrong shots."""
+    place, end, first = motion.vectors[:, 4:].swapaxes(0, 1)
+    turn = math.atan2(*np.median(end - place, axis=0)[1::-1])
+    cosine, sine = math.cos(turn), math.sin(turn)
+    back = place[:, 0] / np.where(first[:, 0] > 0.0, first[:, 0], np.inf)
+    begin = place - first * back[:, None]
+    begin[:, 2] -= 0.5 * dataset.rig.world.gravity_m_s2 * back**2
+    stated, (_, y, z) = dataset.rig.launcher.release_height_m, np.median(begin, axis=0)
+    behind, tilted = -float(np.median(place[:, 0])), TILT * abs(float(np.median(place[:, 2])))
+    same, shifts = np.eye(3), {"aside": [0.0, -y, 0.0], "behind": [behind if behind > tilted else 0.0, 0.0, 0.0]}
+    if stated or dataset.rig.target is not None:          # else the height of a tower, maybe, is not stated
+        name = "unstated" if stated == 0.0 else "from exit" if abs(z) < NEAR * stated else "another height"
+        shifts[name] = [0.0, 0.0, stated - z]
+    undone = {name: motion.read(same, by_m=np.array(by_m)) for name, by_m in shifts.items()} | {
+        "turned": motion.read(np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])),
+        "unlinked": motion._replace(unlinked=True)}
+    said: dict[str, Any] = {"degrees": abs(math.degrees(turn)), "side": "left" if turn > 0.0 else "right", "y": y,
+                            "z": z, "stated": stated, "behind": behind}
+    for row in OF_TRACKS:
+        for rate in row.get("per_s", [1.0]):
+            read = undone.get(row["name"]) if "name" in row else motion.read(
+                np.array(row.get("matrix", same), dtype=float), row.get("seconds", 1.0) / rate)
+            if read is not None:
+                yield row, read, {"rate": rate, **said}

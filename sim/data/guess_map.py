@@ -4,8 +4,9 @@ import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import UNSET, structs
@@ -16,13 +17,13 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import MOTOR, OutcomeKeys, ShotMap, Signal, TimeColumn, own_unit
 from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Floats
-from truearc.sim.data.log import KEY, TIME, VALUE, Log, Series, state_or_pulse
-from truearc.sim.data.mapped_shots import PLACE, SECONDS, Reading, outcome_text, times
+from truearc.sim.data.log import TIME, Log, Series, state_or_pulse
+from truearc.sim.data.mapped_shots import PLACE, SECONDS, SPEED, Reading, outcome_text, times
 from truearc.sim.data.table import SAID_OF_SHOTS, SERVO, SPELLINGS, RawTable, is_shot_column, parse_number, read_as
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 POINTS = {"0", "1"}, {"0", "2", "3"}  # outcomes as numbers
-SPANS = {MOTOR: (20.0, 3000.0), SERVO: (0.0, 1.0)}     # of a wheel that throws, at its fastest; of a servo
+SPANS = {**cols.RANGES, MOTOR: (20.0, 3000.0), SERVO: (0.0, 1.0)}     # of a wheel that throws; of a servo
 NEARLY_ALL = 0.9                      # share of the numbers that are within the span: -1 is often none
 MOST_RAD = 1.6                        # angles up to here are no degrees
 EPOCH = (("us", 1e14), ("ms", 1e11), ("s", 0.0))       # units of times since 1970, by their size
@@ -38,8 +39,12 @@ GEARED = ("motor_rad_s: taken to be the speed of the motors; where it is that of
           "times = 1 / gear")
 TWO_POINTS = (": a servo's position, not an angle; measure two angles or more, and state them in rig.toml: "
               "[launcher.hood] map = [[0.2, 35.0], [0.8, 58.0]]")
+HIT_OR_MISS = ("; a hit may be a two or a three: where all count alike, state target.three_half_height_m = 0 in "
+               "rig.toml")
 SCORES = {"two", "three"}
 ORDER = ["miss", "hit", "miss-low", "miss-high", "three", "two", "rejected"]           # of words in a text, what counts
+CERTAIN = {**SAID_OF_SHOTS, **{text: word or maps.NOT_MARKED[0] for text, word in SPELLINGS.items()},
+           **{word: word for word in (*maps.MARKS, *maps.NOT_MARKED)}}
 # words of outcomes that may be a miss, too -> what is proposed
 OPEN = {text: word for word, texts in cols.VOCABULARY["open"].items() for text in texts}
 
@@ -58,8 +63,7 @@ NAMED = {column: [_words(kinds.get(kind, ())) for kind in ("nouns", "loose", "ki
 NEEDED = {"distance_m": (), "hood_deg": ("exit_deg",), MOTOR: ("motor_ratio", "exit_speed_m_s")}
 
 
-@dataclass(frozen=True)
-class Guess:
+class Guess(NamedTuple):
     """A map, and a line for each column of how sure it is.
 
     asked: a question about words of outcomes whose meaning is not certain, "" for none; nothing is imported before it
@@ -68,8 +72,8 @@ class Guess:
 
     map: ShotMap
     lines: tuple[str, ...]
-    asked: str = ""
-    proposed: Mapping[str, str] = field(default_factory=dict)
+    asked: str
+    proposed: Mapping[str, str]
 
     def to_toml(self) -> str:
         """The map as a shots.toml, with those lines as comments."""
@@ -107,8 +111,6 @@ def _top(series: Series) -> float:
 
 def time_column(table: RawTable) -> TimeColumn | None:
     """The column of time of a log; None of a table with a row per shot, whose times are further apart."""
-    if {TIME, KEY, VALUE} <= set(table.columns):
-        return TimeColumn()
     for name in sorted(table.columns, key=lambda name: name != TIME):
         numbers = np.array([number for cell in table.columns[name] if (number := parse_number(cell)) is not None])
         if (not says(name, "times") or says(name, "durations")
@@ -125,8 +127,8 @@ def time_column(table: RawTable) -> TimeColumn | None:
     return None
 
 
-def guess_map(source: Log | Sequence[RawTable], rig: Rig, name: str, *, time: TimeColumn | None = None,
-              has_three: bool = True, outcomes: Mapping[str, str] | None = None) -> Guess:
+def guess_map(source: Log | Sequence[RawTable], rig: Rig, name: str, *, time: TimeColumn, has_three: bool,
+              outcomes: Mapping[str, str] | None) -> Guess:
     """Propose a map for a log, or for tables whose rows are shots.
 
     Args:
@@ -142,48 +144,37 @@ def guess_map(source: Log | Sequence[RawTable], rig: Rig, name: str, *, time: Ti
             that there are. Or a word of `outcomes` is not in the data, or its meaning is none of a map.
     """
     own = maps.load_map(OWN) if OWN in maps.installed() else ShotMap(maps.SCHEMA)
-    if isinstance(source, Log) and own.columns and all(maps.as_signal(said).key in source
-                                                       for said in own.columns.values()):
-        return Guess(own, (f"a session of truearc: the map {OWN}",))
-    return _Guessing(source, rig, name).guess(time or TimeColumn(), has_three, dict(outcomes or {}))
+    if own.columns and all(maps.as_signal(said).key in source for said in own.columns.values()):
+        return Guess(own, (f"a session of truearc: the map {OWN}",), "", {})
+    return _Guessing(source, rig, name).guess(time, has_three, outcomes or {})
 
 
 class _Guessing:
     """A map in the making: columns of shots are taken one by one, and no signal twice."""
 
     def __init__(self, source: Log | Sequence[RawTable], rig: Rig, name: str) -> None:
-        self.log = source if isinstance(source, Log) else None
         self.tables: Sequence[RawTable] = () if isinstance(source, Log) else source
         self.rig, self.name = rig, name
         self.all = source if isinstance(source, Log) else {
             key: series for key, cells in source[0].columns.items() if (series := _series(key, cells)) is not None}
         self.free = {**self.all}                       # that are not taken yet
         self.columns: dict[str, Signal] = {}
-        self.nearly: dict[str, list[str]] = {}         # by columns: signals of such names, and why they are not that
         self.lines: list[str] = []
 
-    def guess(self, time: TimeColumn, has_three: bool, outcomes: dict[str, str]) -> Guess:
+    def guess(self, time: TimeColumn, has_three: bool, outcomes: Mapping[str, str]) -> Guess:
         """Names that shots.csv has come first, then what is needed, outcomes, and what is of use."""
         found = self._find_outcome()
         for key in list(self.free) if self.tables else ():
             self._take_own(key)
         self._take_needed()
         for column in ("battery_v", "temperature_c", "t_s") if self.tables else ("battery_v",):
-            if column not in self.columns and not self._take_number(column, column):
-                self.lines += self._nearly(column)
+            self.lines += [] if column in self.columns else self._take_number(column, column) or []
         if self.tables:
             self._take_texts()
-        shot_map = ShotMap(maps.SCHEMA, rows="shot" if self.tables else "time", columns={**self.columns}, time=time)
-        if self.log is not None:
-            shot_map = structs.replace(shot_map, shots=self._detection())
-        outcome, asked, proposed = OutcomeKeys(), "", dict[str, str]()
-        if found is None:
-            if outcomes:
-                raise InputError(f"{self.name}: outcomes: {', '.join(outcomes)}: there is no signal of outcomes")
-            outcome, line = self._boolean(shot_map)
-            self.lines.append(line)
-        else:
-            outcome, asked, proposed = self._read_words(*found, has_three, outcomes)
+        shot_map = ShotMap(maps.SCHEMA, rows="shot" if self.tables else "time", columns={**self.columns}, time=time,
+                           shots=maps.Detection() if self.tables else self._detection())
+        outcome, asked, proposed = (self._boolean(shot_map, outcomes) if found is None else
+                                    self._read_words(*found, has_three, outcomes))
         if self.tables and self.free:
             self.lines.append(f"not used: {', '.join(self.free)}")
         return Guess(structs.replace(shot_map, outcome=outcome), tuple(self.lines), asked, proposed)
@@ -207,32 +198,31 @@ class _Guessing:
                 or (column == "side" and other_sides) or (column == "shot_id" and not self._is_name(key))):
             return
         plain = "_".join(key.lower().split())
-        suffix = plain[len(column) - len(maps.unit_of(column)):] if own_unit(column) else ""
+        suffix = plain[len(column) - len(maps.unit_of(column)):]
         self._take(column, key, suffix, f", in {suffix}" if suffix else "")
 
     def _take_needed(self) -> None:
         """Distance, angle and speed; InputError where one is found nowhere."""
         wheels = self.rig.launcher.wheel
         speed = MOTOR if self.rig.launcher.free_speed_rad_s or not wheels else f"wheel_{wheels[0].name}_rad_s"
-        missing = dict[str, str]()                     # column: as which column of a map
+        missing = dict[str, list[str]]()               # column of a map: lines on what is not that
         for column, instead in NEEDED.items():
-            have = {one if maps.WHEEL.fullmatch(one) is None else MOTOR for one in self.columns}
+            have = {MOTOR if maps.WHEEL.fullmatch(one) else one for one in self.columns}
             read = speed if column == MOTOR else column
-            if have & {column, *instead} or self._take_number(column, read):
-                continue
-            if column != "hood_deg" or not self._take_number(SERVO, SERVO):
-                missing[column] = read
+            nearly = None if have & {column, *instead} else self._take_number(column, read)
+            if nearly is not None and (column != "hood_deg" or self._take_number(SERVO, SERVO) is not None):
+                missing[read] = nearly
         if missing:
             raise self._not_recognised(missing)
 
-    def _take_number(self, column: str, read: str) -> bool:
-        """Take the signal of numbers that looks most like a column; read: as which column of a map."""
+    def _take_number(self, column: str, read: str) -> list[str] | None:
+        """Take the signal of numbers that looks most like a column; read: as which column of a map. Where none does,
+        return lines on signals of such names, and why they are not that."""
         scored = [(*self._score(series, column), -len(key), key) for key, series in self.free.items()
                   if self.tables or len(series.t_s) > 1]
         fit = [(score, length, key) for score, unfit, length, key in scored if score > 0.0 and not unfit]
-        self.nearly[column] = [f"{key}: {unfit}" for score, unfit, _, key in scored if score > 0.0 and unfit]
         if not fit:
-            return False
+            return [f"{column}: not {key}: {unfit}" for score, unfit, _, key in scored if score > 0.0][:MOST_NEAR]
         *_, key = max(fit, key=lambda one: one[:2])
         stated, seen = unit_said(self.free[key]), unit_seen(self.free[key], column)
         note = (f", in {stated}" if stated else f", in {seen} by the size of its numbers" if seen else
@@ -244,30 +234,22 @@ class _Guessing:
             self.lines[-1] += f"; from the vertical, so {quarter:g} less that"
         if read == SERVO:
             self.lines[-1] += TWO_POINTS if self.rig.launcher.hood is UNSET else ", an angle by launcher.hood.map"
-        if read == MOTOR:
-            self.lines.append(GEARED)
-        return True
-
-    def _nearly(self, column: str) -> list[str]:
-        """A line for each signal that is called like a column and was not taken for it."""
-        return [f"{column}: not {line}" for line in self.nearly[column][:MOST_NEAR]]
+        self.lines += [GEARED] * (read == MOTOR)
+        return None
 
     def _score(self, series: Series, column: str) -> tuple[float, str]:
         """How much a signal looks like a column by its name and unit, 0 where it cannot be that, and what its numbers
         have against it."""
         (nouns, loose, kinds, never), words = NAMED[column], words_of(series.name)
         said, nouns = set(words), nouns | (loose if self.tables or len(self.all) < MOST_LISTED else frozenset())
-        if not nouns & said or (never | (GROUPS["odd"] - kinds - nouns)) & said:
-            return 0.0, ""
         unit = unit_said(series) or (unit_seen(series, column) if series.numeric else "")
         factor = maps.factor_of(column, unit) if unit else None
-        if factor is None and (unit or (kinds and not kinds & said)):
+        numbers = np.asarray(series.values, dtype=float) if series.numeric else np.zeros(1)
+        if (not nouns & said or (never | (GROUPS["odd"] - kinds - nouns)) & said or not np.isfinite(numbers).any()
+                or (factor is None and (unit or (kinds and not kinds & said)))):
             return 0.0, ""
         if not series.numeric:
             return 1.0, f"holds texts, such as {series.values[0]!r}; write numbers alone"
-        numbers = np.asarray(series.values, dtype=float)
-        if not np.isfinite(numbers).any():
-            return 0.0, ""
         varies = len(np.unique(numbers[:2000])) > 3
         return (1.0 + (factor is not None) + varies + 0.5 * len(nouns & said) + (words[-1] in nouns | kinds)
                 + 0.5 * bool({"hub", "goal", "speaker", "target"} & said)), self._unfit(column, series, unit)
@@ -276,7 +258,7 @@ class _Guessing:
         """Why the numbers of a signal cannot be such as a column has, and what may help; "" where they can."""
         numbers, own = np.asarray(series.values, dtype=float), own_unit(column)
         rows, numbers = series.t_s[np.isfinite(numbers)], numbers[np.isfinite(numbers)]
-        low, high = SPANS.get(column, cols.RANGES.get(column, cols.NO_RANGE))
+        low, high = SPANS[column]
 
         def read(unit: str) -> Floats:
             scale, zero = maps.factor_of(column, unit) or (1.0, 0.0)
@@ -285,7 +267,7 @@ class _Guessing:
         def outside(values: Floats) -> np.ndarray:
             """Those out of the range; all where too many are. One cell alone is named when the table is read."""
             wrong = (values > high) | ((values < low) & (column != MOTOR))
-            return np.full(len(values), True) if values.max() < low else wrong & (wrong.mean() > 1.0 - NEARLY_ALL)
+            return np.asarray((wrong & (wrong.mean() > 1.0 - NEARLY_ALL)) | (values.max() < low))
         values, steps = read(unit), np.diff(numbers)
         top, wrong = float(values.max()), np.flatnonzero(outside(values))
         turns = np.flatnonzero(steps * (np.median(np.sign(steps) if steps.size else 0.0) or 1.0) < 0.0)
@@ -299,13 +281,11 @@ class _Guessing:
         if not wrong.size:
             return ""
         others = {one: read(one) for one in (own, *maps.CONVERTED.get(own, ())) if one != (unit or own)}
-        likely = [one for one, values in others.items() if not outside(values).any()]
-        usual = TYPICAL.get(column, 1.0)
-        likely.sort(key=lambda one: abs(math.log(max(np.median(others[one]), 1e-9) / usual)))
-        few = 2 * wrong.size < len(numbers)
-        what = f"{numbers[wrong[0]]:g} in {self._place(rows[wrong[0]])} is" if few else (
+        likely = min((one for one in others if not outside(others[one]).any()), default="", key=lambda one: abs(
+            math.log(max(np.median(others[one]), 1e-9) / TYPICAL.get(column, 1.0))))
+        what = f"{numbers[wrong[0]]:g} in {self._place(rows[wrong[0]])} is" if 2 * wrong.size < len(numbers) else (
             f"{numbers.min():.4g} to {numbers.max():.4g} are")
-        looks = f"; these look like {likely[0]}: rename it to {maps.in_unit(series.name, likely[0])}" if likely else ""
+        looks = f"; these look like {likely}: rename it to {maps.in_unit(series.name, likely)}" if likely else ""
         return f"{what} beyond {low:g} to {high:g} {own}{f', in {unit}' if unit not in ('', own) else ''}{looks}"
 
     def _place(self, row: float) -> str:
@@ -317,17 +297,15 @@ class _Guessing:
         order."""
         for key, series in list(self.free.items()):
             said, cells = set(words_of(key)), self.tables[0].columns[key]
-            for column in cols.TEXTS:
-                nouns = GROUPS[column]
-                if column not in self.columns and nouns & said and not said - nouns - GROUPS["numbered"] and (
-                        None not in cells and 2 * len(set(cells)) <= len(cells)):
-                    self._take(column, key)
-                    break
-            if said - GROUPS["numbered"] or not (said or key == "#"):
-                continue
-            if "t_s" not in self.columns and series.numeric and _rises(series):
+            texts = [column for column in cols.TEXTS if column not in self.columns and GROUPS[column] & said
+                     and not said - GROUPS[column] - GROUPS["numbered"]]
+            if texts and None not in cells and 2 * len(set(cells)) <= len(cells):
+                self._take(texts[0], key)
+            numbered = not said - GROUPS["numbered"] and (said or key == "#")
+            if numbered and "t_s" not in self.columns and series.numeric and len(series.t_s) > 1 and (
+                    np.diff(np.asarray(series.values, dtype=float)) > 0.0).all():
                 self._take("t_s", key, note=": the order of the shots")
-            if "shot_id" not in self.columns and self._is_name(key):
+            if numbered and "shot_id" not in self.columns and self._is_name(key):
                 self._take("shot_id", key)
 
     def _is_name(self, key: str) -> bool:
@@ -335,40 +313,41 @@ class _Guessing:
         cells = [str(cell or "").strip() for table in self.tables for cell in table.columns.get(key, [None])]
         return all(cells) and len(set(cells)) == len(cells)
 
-    def _not_recognised(self, missing: dict[str, str]) -> InputError:
+    def _not_recognised(self, missing: dict[str, list[str]]) -> InputError:
         """Columns that are missing, those that were recognised, and the signals to choose from, those that change
         first."""
         kind = "column" if self.tables else "signal"
-        moving = {key: series.values[np.isfinite(series.values)] for key, series in self.all.items()
-                  if isinstance(series.values, np.ndarray)}
-        keys = sorted(filter(lambda key: len(moving[key]), moving),
-                      key=lambda key: (len(np.unique(moving[key][:2000])) <= 2, key))
-        rest = [f"  and {len(keys) - MOST_LISTED} more"] if len(keys) > MOST_LISTED else []
+        moving = {key: numbers for key, series in self.all.items() if isinstance(series.values, np.ndarray)
+                  and len(numbers := series.values[np.isfinite(series.values)])}
+        keys = sorted(moving, key=lambda key: (len(np.unique(moving[key][:2000])) <= 2, key))
         return InputError("\n".join([
-            f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing.values())}; write a map by "
+            f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing)}; write a map by "
             "hand: docs/how-to/importing.md", *(f"recognised: {line}" for line in self.lines),
-            *(line for column in missing for line in self._nearly(column)), f"{kind}s with numbers:",
+            *chain(*missing.values()), f"{kind}s with numbers:",
             *(f"  {key}: {min(moving[key]):.4g} to {max(moving[key]):.4g} {unit_said(self.all[key])}".rstrip()
-              for key in keys[:MOST_LISTED]), *rest]))
+              for key in keys[:MOST_LISTED]),
+            *[f"  and {len(keys) - MOST_LISTED} more"] * (len(keys) > MOST_LISTED)]))
 
     # --- how shots are found in a log
 
     def _detection(self) -> maps.Detection:
         """The set point: a signal of the speed's words, but wanted, that the speed follows. The feeder: a boolean that
         names it."""
-        speed = next(said for column, said in self.columns.items() if column == MOTOR or maps.WHEEL.fullmatch(column))
+        speed = next(said for column, said in self.columns.items() if SPEED.fullmatch(column))
         scale, _ = maps.factor_of(MOTOR, speed.unit) or (1.0, 0.0)
         top, own = scale * _top(self.all[speed.key]), {*words_of(speed.key)}
-        wanted, feeders = list[tuple[int, int, str]](), list[tuple[int, int, str]]()
-        for key, series in self.all.items():
-            said = {*words_of(key)}
-            factor = maps.factor_of(MOTOR, unit_said(series) or speed.unit) if series.numeric else None
-            if (factor and key != speed.key and says(key, "wanted") and says(key, "spin", "speed")
-                    and not says(key, "odd") - {"rad"} and 0.5 < top / (factor[0] * _top(series) or np.inf) < 2.0):
-                wanted.append((len(own & said), -len(said), key))
-            if (feeds := says(key, "feeder")) and series.numeric and set(np.unique(series.values)) == {0.0, 1.0}:
-                feeders.append((len(feeds), -len(said), key))
-        point, feed = max(wanted)[2] if wanted else "", max(feeders)[2] if feeders else ""
+
+        def follows(key: str, series: Series) -> bool:
+            factor = maps.factor_of(MOTOR, unit_said(series) or speed.unit)
+            return bool(factor and key != speed.key and says(key, "wanted") and says(key, "spin", "speed")
+                        and not says(key, "odd") - {"rad"}
+                        and 0.5 < top / (factor[0] * _top(series) or np.inf) < 2.0)
+        found = [(key, series, says(key, "feeder"), -len({*words_of(key)})) for key, series in self.all.items()
+                 if series.numeric]
+        *_, point = max(((len(own & {*words_of(key)}), less, key) for key, series, _, less in found
+                         if follows(key, series)), default=("",))
+        *_, feed = max(((len(feeds), less, key) for key, series, feeds, less in found
+                        if feeds and {*np.unique(series.values)} == {0.0, 1.0}), default=("",))
         self.lines += [f"set point of the speed: {point or 'none found: spinning down may look like a ball'}",
                        f"feeder: {feed or 'none found: every dip of the speed is a shot'}"]
         return maps.Detection(set_point=Signal(point, unit=unit_said(self.all[point]) or speed.unit) if point else None,
@@ -415,7 +394,7 @@ class _Guessing:
         misses = any(word.startswith("miss") or word in ("low", "high") for word in marks)
         return 1.0 if known == 1.0 and misses and marks & {"hit", "two", "three"} and "side" not in said else 0.0
 
-    def _read_words(self, key: str, counts: Counter[str], has_three: bool, given: dict[str, str]
+    def _read_words(self, key: str, counts: Counter[str], has_three: bool, given: Mapping[str, str]
                     ) -> tuple[OutcomeKeys, str, dict[str, str]]:
         """(what words mean whose meaning is certain or given, a question about the others, what is proposed of all)."""
         given = {maps.plain(text): word for text, word in given.items()}
@@ -437,33 +416,32 @@ class _Guessing:
             self.lines.append(f"outcome: {key}: empty ({times(counts[''])}): left out")
             values[""] = maps.NOT_MARKED[0]
         asked = (f"{self.name}: {key}: the meaning is not certain of "
-                 + ", ".join(f"{text!r} ({times(counts[text])})" for text in unclear)
-                 + ("; a hit may be a two or a three: where all count alike, state target.three_half_height_m = 0 in "
-                    "rig.toml" if any(words[text] for text in unclear) else "")
-                 + f". Proposed: {', '.join(f'{text} = {word}' for text, word in proposed.items() if text != word)}"
-                 ) if unclear else ""
-        return OutcomeKeys(key=self._key(key), values=values), asked, proposed
+                 f"{', '.join(f'{text!r} ({times(counts[text])})' for text in unclear)}"
+                 f"{HIT_OR_MISS if any(words[text] for text in unclear) else ''}. Proposed: "
+                 f"{', '.join(f'{text} = {word}' for text, word in proposed.items() if text != word)}")
+        return OutcomeKeys(key=self._key(key), values=values), asked if unclear else "", proposed
 
-    def _boolean(self, shot_map: ShotMap) -> tuple[OutcomeKeys, str]:
-        """A boolean of a log that names a hit, and what is taken of it."""
-        for key, series in () if self.log is None else self.log.items():
+    def _boolean(self, shot_map: ShotMap, given: Mapping[str, str]) -> tuple[OutcomeKeys, str, dict[str, str]]:
+        """A boolean of a log that names a hit."""
+        if given:
+            raise InputError(f"{self.name}: outcomes: {', '.join(given)}: there is no signal of outcomes")
+        for key, series in () if self.tables else self.all.items():
             if says(key, "scored") and series.numeric and set(np.unique(series.values)) <= {0.0, 1.0}:
-                shots = Reading(Path(self.name), self.log or Log({}), shot_map, self.rig).shots()
+                shots = Reading(Path(self.name), Log(self.all), shot_map, self.rig).shots()
                 values, said = state_or_pulse(series, shots.t_s)
-                return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), f"outcome: {key}: {said}"
-        return OutcomeKeys(), NO_OUTCOME
+                self.lines.append(f"outcome: {key}: {said}")
+                return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), "", {}
+        self.lines.append(NO_OUTCOME)
+        return OutcomeKeys(), "", {}
 
 
 def _series(name: str, cells: list[cols.Cell]) -> Series | None:
     """A table's column: numbers where most cells are, as the others are named when the table is read."""
-    rows = [row for row, cell in enumerate(cells) if cell is not None and str(cell).strip()]
-    numbers = [parse_number(cells[row]) for row in rows]
-    if not rows:
-        return None
-    t_s = np.array(rows, dtype=float)
-    if 2 * numbers.count(None) >= len(numbers):
-        return Series(name, t_s, tuple(str(cells[row]).strip() for row in rows), each_row=True)
-    return Series(name, t_s, np.array(numbers, dtype=float), each_row=True)
+    filled = {row: str(cell).strip() for row, cell in enumerate(cells) if cell is not None and str(cell).strip()}
+    numbers, t_s = [parse_number(cells[row]) for row in filled], np.array([*filled], dtype=float)
+    texts = 2 * numbers.count(None) >= len(numbers)
+    return Series(name, t_s, tuple(filled.values()) if texts else np.array(numbers, dtype=float), each_row=True
+                  ) if filled else None
 
 
 def _is_named(key: str, counts: Counter[str]) -> bool:
@@ -475,13 +453,9 @@ def _is_named(key: str, counts: Counter[str]) -> bool:
 
 def _meaning(text: str) -> str | None:
     """What a text says of a shot, as a word of a map; None where that is not certain."""
-    if text in maps.MARKS or text in maps.NOT_MARKED:
-        return text
-    if text in SPELLINGS:
-        return SPELLINGS[text] or maps.NOT_MARKED[0]
     rest = " ".join(word for word in re.split(r"[^\w/]+", text) if word not in GROUPS["fillers"])
     word = SAID_OF_SHOTS.get(rest, "")
-    return SAID_OF_SHOTS.get(text) or (word if word.startswith("miss") else None)
+    return CERTAIN.get(text, word if word.startswith("miss") else None)
 
 
 def _proposed(text: str, hit: str) -> str:
@@ -494,8 +468,3 @@ def _proposed(text: str, hit: str) -> str:
     word = min(certain, key=ORDER.index, default="") or min(open_, key=ORDER.index, default=maps.NOT_MARKED[0])
     word = next(filter(SCORES.__contains__, open_ + certain), hit) if word == "hit" else word
     return hit if word in SCORES and hit == "hit" else word
-
-
-def _rises(series: Series) -> bool:
-    values = np.asarray(series.values, dtype=float)
-    return bool(np.isfinite(values).all() and len(values) > 1 and (np.diff(values) > 0.0).all())

@@ -14,8 +14,7 @@ from tests.sim.check.foam import GEARED, WHEELS, ball, by_motor, faster, numbers
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Tracker, Wheel
-from truearc.sim.check.believable import needed_speed
-from truearc.sim.check.causes import TABLE
+from truearc.sim.check.believable import TABLE, needed_speed
 from truearc.sim.check.check import CHECKS, check_plausible
 from truearc.sim.infer.belief import point_belief
 

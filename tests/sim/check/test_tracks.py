@@ -12,14 +12,14 @@ from msgspec.structs import replace as changed
 import truearc as ta
 from tests.sim.check.foam import RIG, fly, numbers, scaled, tracks
 from truearc.errors import InputError
+from truearc.sim.check.believable import measure_motion
 from truearc.sim.check.check import check_plausible
-from truearc.sim.check.motion import measure_motion
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 
 
 def test_gravity_is_measured_without_being_believed(filmed: Dataset) -> None:
     motion = measure_motion(filmed.tracks)
-    assert motion is not None and motion.bend_m_s2.mean(axis=0) == pytest.approx([-1.2, 0.0, -10.0], abs=0.8)
+    assert motion is not None and motion.vectors[:, 3].mean(axis=0) == pytest.approx([-1.2, 0.0, -10.0], abs=0.8)
     assert check_plausible(filmed).accepted == ()
 
 
