@@ -9,15 +9,7 @@ from typing import Any, Final, Literal
 from msgspec import Struct, structs
 
 from truearc.errors import InputError, load_text, make_toml, parse_struct
-from truearc.robot.config.units import CONVERTED as CONVERTED
-from truearc.robot.config.units import MOTOR as MOTOR
-from truearc.robot.config.units import UNITS as UNITS
-from truearc.robot.config.units import WHEEL as WHEEL
-from truearc.robot.config.units import factor_of as factor_of
-from truearc.robot.config.units import in_unit as in_unit
-from truearc.robot.config.units import own_unit as own_unit
-from truearc.robot.config.units import unit_in as unit_in
-from truearc.robot.config.units import unit_of as unit_of
+from truearc.robot.config.units import MOTOR, factor_of
 
 SCHEMA: Final = "truearc.shot-map/1"
 MAPS = "truearc.maps"                 # entry points: packages with a shots.toml NAME.toml for each map

@@ -19,7 +19,7 @@ from msgspec import structs
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Target, too_large
-from truearc.robot.config.shot_map import in_unit
+from truearc.robot.config.units import in_unit
 from truearc.sim.check import believable
 from truearc.sim.check.believable import TABLE, UNITS, Fit, Motion, Reading, elevation_deg, explain, nats_of, rows_of
 from truearc.sim.data.dataset import Dataset, Floats, Times

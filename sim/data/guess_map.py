@@ -13,8 +13,10 @@ from msgspec import UNSET, structs
 
 from truearc.errors import InputError
 from truearc.robot.config import shot_map as maps
+from truearc.robot.config import units
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import MOTOR, OutcomeKeys, ShotMap, Signal, TimeColumn, own_unit
+from truearc.robot.config.shot_map import OutcomeKeys, ShotMap, Signal, TimeColumn
+from truearc.robot.config.units import MOTOR, own_unit
 from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Floats
 from truearc.sim.data.log import TIME, Log, Series, state_or_pulse
@@ -93,7 +95,7 @@ def says(key: str, *groups: str) -> Set[str]:
 
 def unit_said(series: Series) -> str:
     """The unit that the log states, or that the key ends in; readers of the map do not see the log's metadata."""
-    return series.unit or maps.unit_in(series.name) or maps.UNITS.get("".join(words_of(series.name)[-1:]), "")
+    return series.unit or units.unit_in(series.name) or units.UNITS.get("".join(words_of(series.name)[-1:]), "")
 
 
 def unit_seen(series: Series, column: str) -> str:
@@ -198,7 +200,7 @@ class _Guessing:
                 or (column == "side" and other_sides) or (column == "shot_id" and not self._is_name(key))):
             return
         plain = "_".join(key.lower().split())
-        suffix = plain[len(column) - len(maps.unit_of(column)):]
+        suffix = plain[len(column) - len(units.unit_of(column)):]
         self._take(column, key, suffix, f", in {suffix}" if suffix else "")
 
     def _take_needed(self) -> None:
@@ -207,7 +209,7 @@ class _Guessing:
         speed = MOTOR if self.rig.launcher.free_speed_rad_s or not wheels else f"wheel_{wheels[0].name}_rad_s"
         missing = dict[str, list[str]]()               # column of a map: lines on what is not that
         for column, instead in NEEDED.items():
-            have = {MOTOR if maps.WHEEL.fullmatch(one) else one for one in self.columns}
+            have = {MOTOR if units.WHEEL.fullmatch(one) else one for one in self.columns}
             read = speed if column == MOTOR else column
             nearly = None if have & {column, *instead} else self._take_number(column, read)
             if nearly is not None and (column != "hood_deg" or self._take_number(SERVO, SERVO) is not None):
@@ -243,7 +245,7 @@ class _Guessing:
         (nouns, loose, kinds, never), words = NAMED[column], words_of(series.name)
         said, nouns = set(words), nouns | (loose if self.tables or len(self.all) < MOST_LISTED else frozenset())
         unit = unit_said(series) or (unit_seen(series, column) if series.numeric else "")
-        factor = maps.factor_of(column, unit) if unit else None
+        factor = units.factor_of(column, unit) if unit else None
         numbers = np.asarray(series.values, dtype=float) if series.numeric else np.zeros(1)
         if (not nouns & said or (never | (GROUPS["odd"] - kinds - nouns)) & said or not np.isfinite(numbers).any()
                 or (factor is None and (unit or (kinds and not kinds & said)))):
@@ -261,7 +263,7 @@ class _Guessing:
         low, high = SPANS[column]
 
         def read(unit: str) -> Floats:
-            scale, zero = maps.factor_of(column, unit) or (1.0, 0.0)
+            scale, zero = units.factor_of(column, unit) or (1.0, 0.0)
             return np.asarray(np.abs(numbers * scale) if column == MOTOR else (numbers - zero) * scale)
 
         def outside(values: Floats) -> np.ndarray:
@@ -280,12 +282,12 @@ class _Guessing:
             return f"up to {top:.4g}, it looks like another thing"       # a servo's position, the number of a battery
         if not wrong.size:
             return ""
-        others = {one: read(one) for one in (own, *maps.CONVERTED.get(own, ())) if one != (unit or own)}
+        others = {one: read(one) for one in (own, *units.CONVERTED.get(own, ())) if one != (unit or own)}
         likely = min((one for one in others if not outside(others[one]).any()), default="", key=lambda one: abs(
             math.log(max(np.median(others[one]), 1e-9) / TYPICAL.get(column, 1.0))))
         what = f"{numbers[wrong[0]]:g} in {self._place(rows[wrong[0]])} is" if 2 * wrong.size < len(numbers) else (
             f"{numbers.min():.4g} to {numbers.max():.4g} are")
-        looks = f"; these look like {likely}: rename it to {maps.in_unit(series.name, likely)}" if likely else ""
+        looks = f"; these look like {likely}: rename it to {units.in_unit(series.name, likely)}" if likely else ""
         return f"{what} beyond {low:g} to {high:g} {own}{f', in {unit}' if unit not in ('', own) else ''}{looks}"
 
     def _place(self, row: float) -> str:
@@ -334,11 +336,11 @@ class _Guessing:
         """The set point: a signal of the speed's words, but wanted, that the speed follows. The feeder: a boolean that
         names it."""
         speed = next(said for column, said in self.columns.items() if SPEED.fullmatch(column))
-        scale, _ = maps.factor_of(MOTOR, speed.unit) or (1.0, 0.0)
+        scale, _ = units.factor_of(MOTOR, speed.unit) or (1.0, 0.0)
         top, own = scale * _top(self.all[speed.key]), {*words_of(speed.key)}
 
         def follows(key: str, series: Series) -> bool:
-            factor = maps.factor_of(MOTOR, unit_said(series) or speed.unit)
+            factor = units.factor_of(MOTOR, unit_said(series) or speed.unit)
             return bool(factor and key != speed.key and says(key, "wanted") and says(key, "spin", "speed")
                         and not says(key, "odd") - {"rad"}
                         and 0.5 < top / (factor[0] * _top(series) or np.inf) < 2.0)

@@ -10,8 +10,10 @@ import numpy as np
 
 from truearc.errors import ELSEWHERE, InputError, needs
 from truearc.robot.config import shot_map as maps
+from truearc.robot.config import units
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import MOTOR, ShotMap, Signal, as_signal
+from truearc.robot.config.shot_map import ShotMap, Signal, as_signal
+from truearc.robot.config.units import MOTOR
 from truearc.sim.data.dataset import Dataset, Floats, Written
 from truearc.sim.data.files import assemble
 from truearc.sim.data.importers import load_importers
@@ -21,7 +23,7 @@ from truearc.sim.data.table import Cell, RawTable, gathered, holds_numbers, pars
 from truearc.sim.printed import Progress, part_of
 
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6}
-SPEED = re.compile(f"{MOTOR}|{maps.WHEEL.pattern}")
+SPEED = re.compile(f"{MOTOR}|{units.WHEEL.pattern}")
 PLACE = re.compile(r"#(\d+)")         # a column by its number
 NO_TARGET = "distance_m", -1.0        # what programs write of a goal that the camera does not see
 Rows = list[dict[str, Cell]]
@@ -101,7 +103,7 @@ class Reading:
         signal = as_signal(said)
         found = self.series(signal.key)
         if not found.numeric:
-            if maps.own_unit(column):
+            if units.own_unit(column):
                 raise InputError(f"{self.path}: {signal.key}: holds texts; {column} is a number")
             return found
         convert = conversion(column, signal, signal.unit or found.unit, str(self.path))
@@ -215,8 +217,8 @@ def conversion(column: str, signal: Signal, stated: str, place: str) -> Callable
     Raises:
         InputError: names the place and the key of a unit that the column does not have.
     """
-    unit = stated or maps.unit_in(signal.key)
-    factor = maps.factor_of(column, unit) if unit and maps.own_unit(column) else (1.0, 0.0)
+    unit = stated or units.unit_in(signal.key)
+    factor = units.factor_of(column, unit) if unit and units.own_unit(column) else (1.0, 0.0)
     if factor is None:
         raise InputError(f"{place}: {signal.key}: {unit!r} is not a unit of {column}; state unit = \"...\" in the map")
     return lambda values: (values * signal.times + signal.plus - factor[1]) * factor[0]
@@ -278,7 +280,7 @@ def _columns(table: RawTable, shot_map: ShotMap, rig: Rig) -> tuple[dict[str, li
     """Cells by the columns of a dataset, numbers in their units; headings, units and zeros in the table."""
     columns, written = dict[str, list[Cell]](), dict[str, Written]()
     for column, said in shot_map.columns.items():
-        signal, (name, scale), is_number = as_signal(said), as_read(column, rig), bool(maps.own_unit(column))
+        signal, (name, scale), is_number = as_signal(said), as_read(column, rig), bool(units.own_unit(column))
         key = _key(table, signal)
         columns[name] = cells = table.columns[key]
         with gathered() as problems:
