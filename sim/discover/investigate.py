@@ -269,7 +269,9 @@ def make_belief(investigation: Investigation,
     if investigation.belief is not None and (at_limit or taken.empty):
         # of what is missing its numbers would take a part, and of nothing, what these few shots happened to do
         return investigation.belief, {"kept": True, **refused, **provenance}
-    return Belief(coefficients, scatter_of(evidence), kept, covariance, curves, among), {**refused, **provenance}
+    balls = taken.room.balls if taken.room else investigation.belief.balls if investigation.belief else {}
+    return (Belief(coefficients, scatter_of(evidence), kept, covariance, curves, among, balls=balls),
+            {**refused, **provenance})
 
 
 def judge_adoption(investigation: Investigation, gain: "Gain | None" = None,

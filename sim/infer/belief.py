@@ -44,10 +44,16 @@ uncertain by the covariance like any number:
     [curve.free_speed.over]
     distance_m = [1.9, 7.6]           # constant beyond this range
     hood_deg = [32.0, 64.0]
+
+Where shots tell balls apart, the belief states by how much these differ (standard deviations, of the speed as a share):
+
+    [balls]
+    speed = 0.011
+    "drag.cd" = 0.02
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -69,7 +75,7 @@ from truearc.sim.physics.term import LINEAR, LOG, fits_scale, from_scale, to_sca
 from truearc.sim.printed import Printed
 
 SCHEMA = "truearc.coefficients/1"
-APART = ("schema", "scatter", "covariance", "curve", "provenance")
+APART = ("schema", "scatter", "covariance", "curve", "balls", "provenance")
 
 Coefficients = dict[str, dict[str, float]]
 
@@ -262,6 +268,7 @@ def write_curve(curve: Curve) -> dict[str, Any]:
 
 SCATTERS = ("speed", "elevation_deg")
 SCATTER = "scatter"
+BALLS, BALL_SPEED = "balls", "speed"
 
 
 RANGED = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg", "exit_spin_rev_s")
@@ -292,7 +299,8 @@ class Belief(Printed):
     one per row of `covariance` [p, p], which is on the parameters' own scales (module docstring); all others are exact.
     curves: sizes of unexplained effects, by their terms of truearc.sim.physics.catalogue in `coefficients`. catalogue:
     catalogue of the terms that the coefficients name. provenance: origin of the belief, in plain values that a file
-    keeps; nothing is computed from it.
+    keeps; nothing is computed from it. balls: {"speed" or "term.parameter": standard deviation between balls}, of the
+    speed as a share; empty where recordings did not tell balls apart.
     """
 
     coefficients: Coefficients
@@ -302,6 +310,7 @@ class Belief(Printed):
     curves: dict[str, Curve] = field(default_factory=dict)
     catalogue: Catalogue = field(default_factory=terms.catalogue)
     provenance: dict[str, Any] = field(default_factory=dict)
+    balls: dict[str, float] = field(default_factory=dict)
 
     def other_rig(self, rig: Rig) -> str:
         """Describe how a rig differs from the one that the belief was fitted to; "" if it does not or is unknown."""
@@ -347,6 +356,8 @@ class Belief(Printed):
             table["covariance"] = {"names": list(self.names), "matrix": np.asarray(self.covariance, float).tolist()}
         if self.curves:
             table[CURVE] = {term: write_curve(curve) for term, curve in self.curves.items()}
+        if self.balls:
+            table[BALLS] = dict(self.balls)
         text = make_toml({"schema": SCHEMA, **table, "provenance": dict(self.provenance)})
         _read(parse_table(text, str(path)), path, self.catalogue)
         save_whole(path, text.encode())
@@ -410,7 +421,7 @@ def as_table(belief: Belief) -> dict[str, Any]:
     """Return plain values, as in JSON, from which `from_table` makes the same belief."""
     return {"coefficients": belief.coefficients, "scatter": belief.scatter, "names": list(belief.names),
             "covariance": np.asarray(belief.covariance, float).tolist(),
-            CURVE: {term: write_curve(curve) for term, curve in belief.curves.items()}}
+            CURVE: {term: write_curve(curve) for term, curve in belief.curves.items()}, BALLS: belief.balls}
 
 
 def from_table(table: Mapping[str, Any], name: str) -> Belief:
@@ -418,7 +429,7 @@ def from_table(table: Mapping[str, Any], name: str) -> Belief:
     names = tuple(map(str, table["names"]))
     return Belief(table["coefficients"], table["scatter"], names,
                   np.array(table["covariance"], float).reshape(len(names), len(names)),
-                  read_curves(name, table.get(CURVE, {})))
+                  read_curves(name, table.get(CURVE, {})), balls=dict(table.get(BALLS, {})))
 
 
 def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:
@@ -436,7 +447,8 @@ def _read(table: dict[str, Any], path: str | Path, among: Catalogue | None) -> B
     provenance = table.get("provenance", {})
     if not isinstance(provenance, dict):
         raise InputError(f"{path}: provenance is not a table")
-    scatter = _scatter(path, table.get("scatter", {}))
+    scatter = _spreads(path, SCATTER, table.get(SCATTER, {}), SCATTERS)
+    fitted = [f"{term}.{key}" for term, values in coefficients.items() for key in values]
     names, covariance = _covariance(path, table.get("covariance", {}))
     curves = read_curves(path, table.get(CURVE, {}))
     taking = [term.name for term in NAMELESS if term.name in coefficients]
@@ -446,21 +458,23 @@ def _read(table: dict[str, Any], path: str | Path, among: Catalogue | None) -> B
     for term in taking:
         if term not in curves:
             raise InputError(f"{path}: {term}: has no [curve.{term}] to say how large it is")
-    belief = Belief(coefficients, scatter, names, covariance, curves, terms.as_catalogue(among), provenance)
+    belief = Belief(coefficients, scatter, names, covariance, curves, terms.as_catalogue(among), provenance,
+                    _spreads(path, BALLS, table.get(BALLS, {}), [BALL_SPEED, *fitted]))
     for name in names:
         _check(path, name, belief)
     return belief
 
 
-def _scatter(path: str | Path, table: Any) -> dict[str, float]:
+def _spreads(path: str | Path, name: str, table: Any, known: Iterable[str]) -> dict[str, float]:
+    """The numbers above 0 of a table [scatter] or [balls], whose keys are among the known."""
     if not isinstance(table, dict):
-        raise InputError(f"{path}: scatter is not a table")
-    for name, value in table.items():
-        if name not in SCATTERS:
-            raise InputError(f"{path}: scatter.{name}: there is no such scatter ({', '.join(SCATTERS)})")
+        raise InputError(f"{path}: {name} is not a table")
+    for key, value in table.items():
+        if key not in known:
+            raise InputError(f"{path}: {name}.{key}: there is no such number ({', '.join(known)})")
         if isinstance(value, bool) or not isinstance(value, int | float) or not (0.0 < value < np.inf):
-            raise InputError(f"{path}: scatter.{name}: {value!r} is not a number above 0")
-    return {name: float(value) for name, value in table.items()}
+            raise InputError(f"{path}: {name}.{key}: {value!r} is not a number above 0")
+    return {key: float(value) for key, value in table.items()}
 
 
 def _covariance(path: str | Path, table: Any) -> tuple[tuple[str, ...], Float[np.ndarray, "p p"]]:

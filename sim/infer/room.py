@@ -6,7 +6,8 @@ measured with wrong slopes (Kennedy and O'Hagan 2001). Each curve of ROOM theref
 over distance, hood and speed (truearc.sim.infer.belief.smooth), normally distributed about 0. They are in units in
 which the constant moves heights by UNIT_M. Their standard deviation is estimated by EM (Dempster et al. 1977) from a
 prior of PRIOR_M that counts as much as WEIGHT points, and it is never 0. The points are parameters of the fit like any
-other, so a belief holds them with their covariance.
+other, so a belief holds them with their covariance. The spread between balls is
+estimated in the same way, from the prior of the layout.
 """
 
 from collections.abc import Mapping
@@ -39,10 +40,11 @@ ROUNDS, STEPS = 2, 30                 # of the fit between estimates of the size
 
 @dataclass(frozen=True)
 class Room:
-    """A fit with room at its optimum; curve: its shapes, the same for all of ROOM."""
+    """A fit with room at its optimum; curve: its shapes, the same for all of ROOM; balls: as of `Belief.balls`."""
 
     fitted: LauncherFit
     curve: Curve
+    balls: dict[str, float]
 
 
 def has_room(belief: Belief) -> bool:
@@ -68,19 +70,25 @@ def open_room(bare: LauncherFit, columns: Mapping[str, Any]) -> Room | None:
     for term, values in ROOM.items():
         model = model.along(term, values, curve, curve.by(known, len(rows)))
         point = model.extended(point)
+    layout, groups = model.layout, model.layout.groups
     owner = np.array([list(ROOM).index(column.name.split(".")[1]) if column.name.startswith(CURVE + ".") else -1
-                      for column in model.layout.columns])
+                      for column in layout.columns[layout.first_shared:]])
     plane = model.linearise(point)[0].plane
     assert plane is not None
-    slope = np.median(np.abs(plane.by_column[:, [int(np.argmax(owner == k)) for k in range(len(ROOM))]]), axis=0)
+    first = layout.first_shared + np.array([int(np.argmax(owner == k)) for k in range(len(ROOM))])
+    slope = np.median(np.abs(plane.by_column[:, first]), axis=0)
     unit = np.minimum(UNIT_M / np.maximum(slope, 1e-9), [MOST_USUAL * find_nameless(term).usual for term in ROOM])
-    sd = np.full(len(ROOM), PRIOR_M / UNIT_M)
+    if groups is not None and groups.names:
+        owner[-layout.grouped:] = len(ROOM) + np.repeat(np.arange(len(groups.names)), groups.count)
+        unit = np.append(unit, np.full(len(groups.names), UNIT_M / PRIOR_M))
+    sd = np.full(len(unit), PRIOR_M / UNIT_M)
     for _ in range(ROUNDS):
         found = climb(sized(model, owner, sd * unit), point)
         scores, point = found.scores, found.point
         toward = scores.score.sum(0) + scores.information @ scores.point
         sd = sizes_by_em(scores.information, toward, scores.precision, model.layout.centre, owner, unit)
-    return Room(climb(sized(model, owner, sd * unit), point), curve)
+    spread = {} if groups is None else dict(zip(groups.names, (sd * unit)[len(ROOM):] * groups.scale, strict=False))
+    return Room(climb(sized(model, owner, sd * unit), point), curve, {name: float(x) for name, x in spread.items()})
 
 
 def sized(model: Launcher, owner: Int[Array, " P"], sd: Float[Array, " curves"]) -> Launcher:

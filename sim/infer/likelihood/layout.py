@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig, Tracker
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.belief import SCATTER, Belief, Curve, scale_of
+from truearc.sim.infer.belief import BALL_SPEED, SCATTER, Belief, Curve, scale_of
 from truearc.sim.infer.likelihood import noise
 from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import Chain, Prediction
@@ -42,13 +42,14 @@ class Groups:
     """Things that shots share a few at a time and that differ at random, such as balls: each its own small effects.
 
     label [n] numbers each shot's thing, below `count`; inputs, scale [B]: the chain's inputs that an effect moves, and
-    by how much a unit of it does.
+    by how much a unit of it does; names [B]: as of `Belief.balls`.
     """
 
     label: Int[Array, " n"]
     count: int
     inputs: Int[Array, " B"]
     scale: Float[Array, " B"]
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -253,7 +254,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
     found += [(Column(name, "shared", "launch", "along", "1", 1.0), -1) for name in names]
     effects: Groups | None
     if groups is not None:
-        what, effects = groups[0], _groups(groups, believed, slots, catalogue)
+        what, effects = groups[0], _groups(groups, believed, slots, catalogue, {} if belief is None else belief.balls)
     else:
         what, effects = OTHERS, None if belief is None else _other_balls(intake, belief, slots, catalogue)
     if effects is not None:
@@ -268,16 +269,18 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
 
 
 def _groups(groups: tuple[str, Int[Array, " n"], int], believed: tuple[str, ...], slots: tuple[tuple[str, str], ...],
-            catalogue: Catalogue) -> Groups:
-    """Speed, and believed numbers that each ball has its own of (Parameter.fit_each_ball)."""
+            catalogue: Catalogue, known: Mapping[str, float]) -> Groups:
+    """Speed, and believed numbers that each ball has its own of (Parameter.fit_each_ball); known: how much balls
+    differ in them by an earlier session."""
     _, label, count = groups
-    inputs, scale = [len(slots)], [noise.BALL_SPEED]
+    spread = {BALL_SPEED: (len(slots), noise.BALL_SPEED)}
     for term in catalogue.find(believed):
         for one in term.parameters:
             if one.fit_each_ball:
-                inputs.append(slots.index((term.name, one.name)))
-                scale.append(one.by_ball * (one.prior.centre if one.prior else 1.0))
-    return Groups(label, count, np.array(inputs), np.array(scale))
+                spread[f"{term.name}.{one.name}"] = (slots.index((term.name, one.name)),
+                                                     one.by_ball * (one.prior.centre if one.prior else 1.0))
+    return Groups(label, count, np.array([place for place, _ in spread.values()]),
+                  np.array([known.get(name, usual) for name, (_, usual) in spread.items()]), tuple(spread))
 
 
 def _other_balls(intake: Intake, belief: Belief, slots: tuple[tuple[str, str], ...], catalogue: Catalogue) -> Groups:

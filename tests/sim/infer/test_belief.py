@@ -99,7 +99,7 @@ matrix = [[0.04, 0.001], [0.001, 0.09]]
     ("cd = 0.5", "cd = nan", "drag.cd: nan is not a finite number"),
     ("cd = 0.5", "cd = ", "Invalid value"),
     ("[drag]\ncd", "drag", "drag is not a table"),
-    ("speed = 0.02", "spin = 0.02", "scatter.spin: there is no such scatter"),
+    ("speed = 0.02", "spin = 0.02", "scatter.spin: there is no such number"),
     ("speed = 0.02", "speed = -0.02", "scatter.speed: -0.02 is not a number above 0"),
     ("[scatter]\nspeed = 0.02\n", "", "covariance.names: scatter.speed has no value"),
     ('"drag.cd", ', "", "covariance.matrix: not 1 rows of 1 numbers"),

@@ -108,8 +108,32 @@ def test_without_room_the_fit_is_what_it_was() -> None:
     sd, before = (np.sqrt(np.diag(one.scores.covariance)) for one in (found, bare))
     assert (sd[own] > 1.2 * before).any()
     owner = np.where(own, -1, 0)
-    none = room.sized(found.model, owner, np.array([1e-9]))
+    owner[[column.kind == "group" for column in found.scores.columns]] = 1       # balls differ as they were taken to
+    none = room.sized(found.model, owner, np.array([1e-9, 1.0]))
     scores = none.linearise(none.extended(bare.point))[0]
     assert np.allclose(scores.score[:, own], bare.scores.score, atol=1e-6)
     assert scores.log_score == pytest.approx(bare.scores.log_score)
     assert np.sqrt(np.diag(scores.covariance))[own] == pytest.approx(before, rel=1e-6)
+
+
+@pytest.mark.parametrize(("effects", "low", "high"), [({"ball_spread": 0.03}, 0.02, 0.045), ({}, 0.0, 0.018)])
+def test_balls_differ_as_much_as_these_do(effects: dict[str, float], low: float, high: float) -> None:
+    """A belief says so, and a later session's fit takes its balls to differ by that."""
+    dataset = shoot(make_world(effects, "L1", 240, 6, side=True)).in_order()
+    bare = fit_believed(Launcher.of(dataset, ("gravity", "drag", "magnus")).shared_only())
+    opened = room.open_room(bare, every_column(dataset))
+    assert opened is not None and set(opened.balls) == {"speed", "drag.cd"}
+    assert low < opened.balls["speed"] < high
+    belief = replace(bel.point_belief({"gravity": {}, "drag": {"cd": 0.5}, "magnus": {"cl": 0.1}}), balls=opened.balls)
+    groups = Launcher.of(dataset, ("gravity", "drag", "magnus"), belief=belief).layout.groups
+    assert groups is not None and groups.scale.tolist() == list(opened.balls.values())
+
+
+def test_what_balls_differ_by_comes_back_from_disk(tmp_path: Path) -> None:
+    belief = replace(bel.point_belief({"drag": {"cd": 0.5}}), balls={"speed": 0.01, "drag.cd": 0.02})
+    belief.save(tmp_path / "c.toml")
+    assert bel.load_belief(tmp_path / "c.toml").balls == belief.balls
+    assert bel.from_table(bel.as_table(belief), "x").balls == belief.balls
+    for bad in ({"mass": 0.1}, {"speed": 0.0}):
+        with pytest.raises(InputError, match="balls"):
+            replace(belief, balls=bad).save(tmp_path / "bad.toml")
