@@ -14,7 +14,7 @@ from truearc.api.forecasting import AimTable, aim
 from truearc.api.results import Table
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.targets import refuse_up
+from truearc.robot.config.targets import SIDES_UP, refuse_up
 from truearc.sim.aim.make_table import AimRow
 from truearc.sim.aim.solve import chances_of
 from truearc.sim.check.check import check_plausible
@@ -29,6 +29,7 @@ from truearc.sim.printed import Printed, Progress
 FEWEST_SINCE = 15                     # shots since the change, by which it can be named
 FEWEST_SIDED = 5                      # of these, whose side of the centre is known; else no direction is
 EVERY_FINDING = 0.99                  # false alarm of the discovery after an alarm: that something changed is known
+ALONG = (*SIDES_UP, *SIDES_UP.values())              # sides that tell in which direction to correct
 COLUMNS = ("shot", "e_value", "alarm")
 
 
@@ -184,7 +185,7 @@ def _refused(following: Following, finding: Finding, belief: Belief) -> str:
         return str(belief.provenance.get("refused", "no effect was found by which the shots are forecast better"))
     rows = following.test.rows[(following.since or 1) - 1:]
     later = following.dataset.take([int(row) for row in rows])
-    known = np.isin(later.shots.text("side"), ("low", "high")) | np.isfinite(later.shots.number("miss_height_m"))
+    known = np.isin(later.shots.text("side"), ALONG) | np.isfinite(later.shots.number("miss_height_m"))
     if later.tracks is not None:
         known[later.tracks.shot] = True
     sided = int(known.sum())

@@ -23,7 +23,6 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.likelihood.noise import LAPSE
 from truearc.sim.infer.likelihood.outcomes import CLASSES, SIDED_SHARE, Nodes
 from truearc.sim.physics.facing_up import GRIP, clearance, half_along
-from truearc.sim.statistics import POINTS_TWO
 
 Array = np.ndarray
 CELLS = ("short", "long", "left", "right", "hit", "ring")
@@ -61,7 +60,7 @@ class GroundOutcomes:
     across_m: Float[Array, "n 2"]
     change: Float[Array, "n 4"]
     nodes: Nodes | None = None
-    moves, axes = MOVES, 2
+    moves, axes, quantity = MOVES, 2, "where the ball comes down, along"
 
     @property
     def height_m(self) -> Float[Array, " n"]:
@@ -74,9 +73,7 @@ class GroundOutcomes:
     @property
     def worth(self) -> Float[Array, " 6"]:
         """Points of each of CELLS."""
-        hit = POINTS_TWO if isinstance(self.target.points, UnsetType) else self.target.points
-        ring = hit if isinstance(self.target.ring, UnsetType) else self.target.ring.points
-        return np.array([0.0, 0.0, 0.0, 0.0, hit, ring])
+        return np.array([0.0, 0.0, 0.0, 0.0, *self.target.worth])
 
     def take(self, index: Int[Array, " k"] | Bool[Array, " n"]) -> "GroundOutcomes":
         rows = np.arange(len(self.classes))[index]

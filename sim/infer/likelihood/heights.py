@@ -40,7 +40,7 @@ class HeightOutcomes:
     borders: Float[Array, " 6"]
     sided: tuple[str, ...]
     slips: bool = True
-    moves, axes = 1, 1
+    moves, axes, quantity = 1, 1, "height at the target"
 
     @property
     def measured(self) -> Bool[Array, " n"]:
