@@ -150,9 +150,11 @@ class GroundOutcomes:
         return np.stack([*misses, *([each[HIT], each[RING]] if self.target.three_half_height_m > 0.0
                                     else [each[HIT] + each[RING]])])
 
-    def class_chances(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 3"]:
+    def class_chances(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"],
+                      lapses: bool = True) -> Float[Array, "n 3"]:
         cells = self.cells(mean_m, spread_m)
-        return _with_lapses(np.stack([cells[:, :HIT].sum(1), cells[:, HIT], cells[:, RING]], axis=1))
+        clean = np.stack([cells[:, :HIT].sum(1), cells[:, HIT], cells[:, RING]], axis=1)
+        return _with_lapses(clean) if lapses else clean
 
     def chance(self, shot: int, mean_m: Any, spread_m: Any, change: Sequence[Any]) -> Any:
         mean, spread, *moved = np.broadcast_arrays(mean_m, spread_m, *change)

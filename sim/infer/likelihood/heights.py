@@ -114,10 +114,12 @@ class HeightOutcomes:
         measured[:, 0, 0], measured[:, 1, 1] = sound / wide, 2.0 * sound * (spread_m**2 / wide)**2
         return np.where(self.measured[:, None, None], measured, classed)
 
-    def class_chances(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 3"]:
+    def class_chances(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"],
+                      lapses: bool = True) -> Float[Array, "n 3"]:
         inside = [_within(edge, mean_m, spread_m) for edge in (self.borders[4], self.borders[3])]
         clean = np.stack([1.0 - inside[0], inside[0] - inside[1], inside[1]], axis=1)
-        return np.asarray((1.0 - LAPSE) * np.clip(clean, 0.0, 1.0) + LAPSE / 3.0)
+        clean = np.clip(clean, 0.0, 1.0)
+        return np.asarray((1.0 - LAPSE) * clean + LAPSE / 3.0 if lapses else clean)
 
     def _cells_of_classes(self) -> Float[Array, "k 5"]:
         """1 where a distinguishable outcome is what a height in that cell between two borders leads to."""

@@ -89,8 +89,8 @@ class Outcomes(Protocol):
         """Return derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by the further numbers; and the
         expected information on these, over all distinguishable outcomes."""
 
-    def class_chances(self, mean_m: Numbers, spread_m: Numbers) -> Float[Array, "n 3"]:
-        """Return the probability [n, 3] of miss, two and three, including slips."""
+    def class_chances(self, mean_m: Numbers, spread_m: Numbers, lapses: bool = True) -> Float[Array, "n 3"]:
+        """Return the probability [n, 3] of miss, two and three, including slips; of the ball itself without lapses."""
 
     def chance(self, shot: int, mean_m: Any, spread_m: Any, change: Sequence[Any]) -> Any:
         """Return the likelihood of one shot's observation by many means, spreads and changes of the further numbers;

@@ -28,7 +28,7 @@ def test_fit_of_shots_at_a_hub_finds_the_launcher(fitted: ta.Fit) -> None:
 def test_predictions_say_where_balls_come_down(fitted: ta.Fit) -> None:
     later = make_shots(2, 60)
     table = ta.predict(later, fitted.belief)
-    assert table.columns == ("shot_id", "along_m", "across_m", "angle_deg", "outcome", "side", "note")
+    assert table.columns == ("shot_id", "along_m", "across_m", "angle_deg", "outcome", "side", "p_hit", "note")
     said = [row[4] for row in table.rows]
     assert set(said) <= {"hit", "miss"}
     seen = np.array([HUB.word(word) for word in later.shots.text("outcome")])
@@ -43,7 +43,7 @@ def test_discovery_reads_shots_at_a_hub() -> None:
 
 def test_commands_for_upright_openings_say_so(fitted: ta.Fit) -> None:
     assert check_plausible(fitted.dataset).accepted == ()
-    for command in (lambda: ta.aim(fitted.belief, RIG), lambda: ta.train_gate(fitted.dataset, fitted.belief),
+    for command in (lambda: ta.train_gate(fitted.dataset, fitted.belief),
                     lambda: ta.follow(fitted.dataset, fitted.belief), lambda: ta.identifiability(RIG)):
         with pytest.raises(InputError, match=r"target\.facing: is up"):
             command()
