@@ -10,6 +10,7 @@ are not linear in its launch; such shots are mixtures over nodes of the launch, 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -33,6 +34,8 @@ MOVES = 4
 # Derived: a normal distribution between them is summed to 1e-7
 FINE = 24, 6.0                        # nodes of Gauss-Legendre between two corners; standard deviations to the last
 ROUGH = 12, 4.5                       # likewise, of each of many launches; to 1e-4
+COARSE = 5, 0.0                       # by Gauss-Hermite instead, of each of very many beliefs; to 0.01
+MEANS = 97                            # places along, between which the chance of a shot that grazes the rim is straight
 STEP = 1e-5                           # of differences, in m, and of the board's bounce
 BISECTIONS = 40
 # Of a shot whose flight is not yet known: as steep, and as far to the side
@@ -158,8 +161,15 @@ class GroundOutcomes:
 
     def chance(self, shot: int, mean_m: Any, spread_m: Any, change: Sequence[Any]) -> Any:
         mean, spread, *moved = np.broadcast_arrays(mean_m, spread_m, *change)
-        some = self.take(np.full(mean.size, shot)).moved(np.stack([part.ravel() for part in moved], axis=1))
-        return np.reshape(_with_lapses(some.share(mean.ravel(), spread.ravel())), mean.shape)
+        one = self.take(np.array([shot]))
+        if one.nodes is not None:     # with the middle of spreads and of the further numbers
+            places = np.linspace(mean.min(), mean.max(), MEANS)
+            middle = one.moved(np.array([[float(np.median(part)) for part in moved]])).take(np.zeros(MEANS, dtype=int))
+            shares = middle.share(places, np.full(MEANS, np.median(spread)))
+            return np.reshape(_with_lapses(np.interp(mean.ravel(), places, shares)), mean.shape)
+        some = one.take(np.zeros(mean.size, dtype=int)).moved(np.stack([part.ravel() for part in moved], axis=1))
+        cells = _cells(some, mean.ravel(), spread.ravel(), False, *COARSE)[0]
+        return np.reshape(_with_lapses((cells * some.allowed).sum(1) / cells.sum(1)), mean.shape)
 
     def hit_chance(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
         cells = self.cells(mean_m, spread_m)
@@ -168,6 +178,10 @@ class GroundOutcomes:
     def centred(self, mean_m: Float[Array, " n"]) -> Float[Array, " n"]:
         """Return the middle between the nearest and the farthest place where a ball goes in."""
         return np.asarray(0.5 * clearance(self.target, self.radius_m, _angle(self.plane)))
+
+    def beside(self, spread_m: Float[Array, " n"], aside: Float[Array, " n"]) -> Float[Array, " n"]:
+        middle, sign = self.centred(spread_m), np.sign(aside)
+        return np.asarray(middle + sign * (self.target.half_sizes_m[0] - middle) + (aside - 2.0 * sign) * spread_m)
 
     def points_if_aimed(self, mean_m: Float[Array, " n"],
                         both: Sequence[tuple[Float[Array, " n"], Float[Array, " n"]]]) -> Float[Array, " n"]:
@@ -241,10 +255,15 @@ def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Arr
 def _across(seen: GroundOutcomes, wider_m: Float[Array, " n"], middle_m: Float[Array, " n"],
             spread_m: Float[Array, " n"], nodes: int, tails: float
             ) -> tuple[Float[Array, "n q"], Float[Array, "n q"], Float[Array, " n"]]:
-    """(places across, their weights, half the opening's width): nodes between its corners, where balls come down."""
+    """(places across, their weights, half the opening's width): nodes between its corners, where balls come down; about
+    the mean, where there are no tails."""
     target = seen.target
-    x, w = np.polynomial.legendre.leggauss(nodes)
     end = target.half_sizes_m[1] + wider_m * _reach_across(target)
+    if not tails:
+        x, w = _hermite(nodes)
+        y = middle_m[:, None] + spread_m[:, None] * x
+        return y, np.where(np.abs(y) <= end[:, None], w / w.sum(), 0.0), end
+    x, w = _legendre(nodes)
     low, high = middle_m - tails * spread_m, middle_m + tails * spread_m
     corners = np.array(_corners(target)) * end[:, None]
     if target.three_half_height_m > 0.0:
@@ -267,6 +286,9 @@ def _across(seen: GroundOutcomes, wider_m: Float[Array, " n"], middle_m: Float[A
     z = (y - middle_m[:, None]) / spread_m[:, None]
     weight = np.concatenate(weights, axis=1) * np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * spread_m[:, None])
     return y, weight, end
+
+
+_legendre, _hermite = cache(np.polynomial.legendre.leggauss), cache(np.polynomial.hermite_e.hermegauss)
 
 
 def _reach_across(target: Target) -> float:

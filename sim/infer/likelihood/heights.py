@@ -150,6 +150,9 @@ class HeightOutcomes:
     def centred(self, mean_m: Float[Array, " n"]) -> Float[Array, " n"]:
         return np.zeros_like(mean_m)
 
+    def beside(self, spread_m: Float[Array, " n"], aside: Float[Array, " n"]) -> Float[Array, " n"]:
+        return np.asarray(aside * spread_m)
+
     def points_if_aimed(self, mean_m: Float[Array, " n"],
                         both: Sequence[tuple[Float[Array, " n"], Float[Array, " n"]]]) -> Float[Array, " n"]:
         two, three = float(self.borders[4]), float(self.borders[3])

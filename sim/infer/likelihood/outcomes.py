@@ -105,6 +105,10 @@ class Outcomes(Protocol):
     def centred(self, mean_m: Numbers) -> Numbers:
         """Return the means [n] of the same shots if they were aimed at the opening's middle."""
 
+    def beside(self, spread_m: Numbers, aside: Numbers) -> Numbers:
+        """Return the means [n] of shots aimed where outcomes tell most, low (aside < 0) or high: so many standard
+        deviations off the middle of an upright opening, two less off the edge of one that faces up."""
+
     def points_if_aimed(self, mean_m: Numbers, both: Sequence[tuple[Numbers, Numbers]]) -> Numbers:
         """Return expected points [n] of each shot aimed at the middle by the forecast mean_m, given what was seen of
         it; both: (mean, spread) of all forecasts that are compared, alike likely."""
