@@ -37,6 +37,7 @@ ROUGH = 12, 4.5                       # likewise, of each of many launches; to 1
 COARSE = 5, 0.0                       # by Gauss-Hermite instead, of each of very many beliefs; to 0.01
 MEANS = 97                            # places along, between which the chance of a shot that grazes the rim is straight
 STEP = 1e-5                           # of differences, in m, and of the board's bounce
+LEAST_WEIGHT = 1e-10                  # of a node
 BISECTIONS = 40
 # Of a shot whose flight is not yet known: as steep, and as far to the side
 USUAL_PLANE = (0.0, 0.0, 0.0, 0.0, 2.5, 3.5, 0.6, 0.6, 0.0)
@@ -127,12 +128,14 @@ class GroundOutcomes:
     def log_likelihood(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
         return np.asarray(np.log(_with_lapses(self.share(mean_m, spread_m))))
 
-    def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
+    def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"],
+                               asked: Bool[Array, " 4"] | None = None
                                ) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, "n 6 6"]]:
         cells, by_mean, by_log, by_across, by_log_across = self._cells_by(mean_m, spread_m, True)
-        each = [by_mean, by_log, self._difference(0, mean_m, spread_m), by_across, by_log_across,
-                np.zeros_like(cells) if isinstance(self.target.backboard, UnsetType)
-                else self._difference(BOUNCE, mean_m, spread_m)]
+        board = not isinstance(self.target.backboard, UnsetType)
+        wider, by_bounce = (self._difference(number, mean_m, spread_m) if there and (asked is None or asked[number])
+                            else np.zeros_like(cells) for number, there in ((0, True), (BOUNCE, board)))
+        each = [by_mean, by_log, wider, by_across, by_log_across, by_bounce]
         seen = _with_lapses((cells * self.allowed).sum(1))
         slopes = tuple((1.0 - LAPSE) * (by * self.allowed).sum(1) / seen for by in each)
         groups = self._told_apart()
@@ -233,19 +236,28 @@ def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Arr
     spread = seen.across_m[:, 1] * np.exp(np.clip(seen.change[:, ACROSS_SPREAD], -2.0, 2.0))
     wider = np.maximum(seen.plane[:, 3] - seen.target.two_half_height_m + seen.change[:, 0],
                        -min(seen.target.half_sizes_m))               # no opening is smaller than nothing
-    y, weight, end = _across(seen, wider, middle, spread, nodes, tails)
-    short, long, hit, ring = _by_place(seen, wider, y, mean_m[:, None], spread_m[:, None], by)
+    every, weights, end = _across(seen, wider, middle, spread, nodes, tails)
+    row, column = np.nonzero(weights > LEAST_WEIGHT)                 # of most shots few nodes count
+    y, weight = every[row, column], weights[row, column]
+    one = replace(seen, nodes=None).take(row)
+    short, long, hit, ring = (part[..., 0] for part in _by_place(
+        one, wider[row], y[:, None], mean_m[row][:, None], spread_m[row][:, None], by))
     cells = np.zeros((5 if by else 1, len(mean_m), len(CELLS)))
     places = (SHORT, short), (LONG, long), (HIT, hit - ring), (RING, ring)
+
+    def total(each: Float[Array, " k"]) -> Float[Array, " n"]:
+        return np.bincount(row, each, len(mean_m))
+
     for cell, chance in places:
-        cells[:3, :, cell] = (weight * chance).sum(2)
+        for number, part in enumerate(chance):
+            cells[number, :, cell] = total(weight * part)
     z = np.stack([middle - end, -middle - end]) / spread             # beyond the left and the right end
     cells[0, :, LEFT], cells[0, :, RIGHT] = ndtr(z)
     if by:
-        off = (y - middle[:, None]) / spread[:, None]
+        off = (y - middle[row]) / spread[row]
         for cell, chance in places:
-            cells[3, :, cell] = (weight * off * chance[0]).sum(1) / spread
-            cells[4, :, cell] = (weight * (off**2 - 1.0) * chance[0]).sum(1)
+            cells[3, :, cell] = total(weight * off * chance[0]) / spread
+            cells[4, :, cell] = total(weight * (off**2 - 1.0) * chance[0])
         density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
         cells[3, :, LEFT], cells[3, :, RIGHT] = density * np.array([[1.0], [-1.0]]) / spread
         cells[4, :, LEFT], cells[4, :, RIGHT] = -z * density

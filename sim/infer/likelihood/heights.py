@@ -86,7 +86,8 @@ class HeightOutcomes:
         nats = np.logaddexp(density, np.log(LAPSE / SLIP_M))
         return nats, np.exp(density - nats), off
 
-    def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
+    def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"],
+                               asked: Bool[Array, " 1"] | None = None
                                ) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, "n 3 3"]]:
         return self.slopes(mean_m, spread_m), self.information(mean_m, spread_m)
 

@@ -84,10 +84,11 @@ class Outcomes(Protocol):
     def log_likelihood(self, mean_m: Numbers, spread_m: Numbers) -> Numbers:
         """Return the log-likelihood [n], for an observable normal(mean_m, spread_m)."""
 
-    def slopes_and_information(self, mean_m: Numbers,
-                               spread_m: Numbers) -> tuple[tuple[Numbers, ...], Float[Array, "n J J"]]:
+    def slopes_and_information(self, mean_m: Numbers, spread_m: Numbers, asked: Bool[Array, " moves"] | None = None
+                               ) -> tuple[tuple[Numbers, ...], Float[Array, "n J J"]]:
         """Return derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by the further numbers; and the
-        expected information on these, over all distinguishable outcomes."""
+        expected information on these, over all distinguishable outcomes. asked: of which further numbers they are
+        needed, by default of all; the others may be zero."""
 
     def class_chances(self, mean_m: Numbers, spread_m: Numbers, lapses: bool = True) -> Float[Array, "n 3"]:
         """Return the probability [n, 3] of miss, two and three, including slips; of the ball itself without lapses."""
