@@ -27,6 +27,7 @@ def test_fit_of_shots_at_a_hub_finds_the_launcher(fitted: ta.Fit) -> None:
     for name, truth in (("drag.cd", CD), ("exit_efficiency.loss", LOSS)):
         value, low, high = rows[name]
         assert low - 0.5 * (high - low) < truth < high + 0.5 * (high - low), (name, value)
+    assert "where a ball comes down at" in str(fitted) and "the height at" not in str(fitted)
     assert fitted.holdout is not None and fitted.holdout.accuracy > 0.7
 
 
