@@ -9,9 +9,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import ndtri, stdtrit
 
+from truearc.robot.config.targets import POINTS
+
 Z90, Z95 = (float(ndtri(0.5 + 0.5 * share)) for share in (0.90, 0.95))    # of a normal distribution, two-sided
 BINS = 10
-POINTS_TWO, POINTS_THREE = 2.0, 3.0   # that a ball scores through the outer and through the inner opening
+POINTS_TWO, POINTS_THREE = POINTS
 
 
 def wilson(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:

@@ -165,7 +165,8 @@ class AdviceIo:
                 and not isinstance(last.value, str) and last.value <= above < reading.value)
 
 
-_BUTTONS = {"hit": "two", "miss": "miss-low", "low": "miss-low", "high": "miss-high",
+_BUTTONS = {"hit": "two", "high": "miss-high", "miss-long": "miss-high",
+            **dict.fromkeys(("miss", "low", "miss-short", "miss-left", "miss-right"), "miss-low"),
             **dict.fromkeys(NOT_MARKED, "reject")}
 
 

@@ -18,7 +18,8 @@ NOT_MARKED = ("rejected", "")         # marks of shots that are to be left out
 # outcome and side by the button that marks it
 OUTCOMES = {"miss-low": ("miss", "low"), "two-low": ("two", "low"), "two": ("two", ""), "three": ("three", ""),
             "two-high": ("two", "high"), "miss-high": ("miss", "high")}
-MARKS = {**OUTCOMES, "miss": ("miss", ""), "hit": ("hit", ""), "low": ("miss", "low"), "high": ("miss", "high")}
+MARKS = {**OUTCOMES, "miss": ("miss", ""), "hit": ("hit", ""), "low": ("miss", "low"), "high": ("miss", "high"),
+         **{f"miss-{side}": ("miss", side) for side in ("short", "long", "left", "right")}}
 
 
 class Signal(Struct, frozen=True, forbid_unknown_fields=True):

@@ -26,6 +26,11 @@ class Ring(Struct, frozen=True):
 
 # what the rim of an opening that faces up is like: its shape, and the keys that state how large it is
 SIZES = {"circle": ("radius_m",), "rectangle": ("length_m", "width_m"), "polygon": ("across_flats_m", "sides")}
+POINTS = 2.0, 3.0                     # of a ball through the outer and through the inner part of an upright one
+POINTS_UP = 1.0                       # of a hit, where no points are stated: as most games count
+# the side on which a ball misses, in the words of upright openings and of those that face up
+SIDES_UP = {"low": "short", "high": "long"}
+SIDES_UPRIGHT = {word: upright for upright, word in SIDES_UP.items()}
 HEIGHTS = ("three_half_height_m", "two_half_height_m")               # of an upright opening
 FACING_UP = (*(key for keys in SIZES.values() for key in keys), "shape", "tilt_deg", "lip_m", "points", "ring",
              "backboard")
@@ -51,7 +56,7 @@ class Target(Struct, frozen=True):
     sides: int | UnsetType = UNSET                # an even number
     tilt_deg: float | UnsetType = UNSET           # of the rim, about the axis across; positive: its far end is higher
     lip_m: float | UnsetType = UNSET              # height of an edge around it, above the plane in which a ball scores
-    points: float | UnsetType = UNSET             # of a hit
+    points: float | UnsetType = UNSET             # of a hit; POINTS_UP where not stated
     ring: Ring | UnsetType = UNSET
     backboard: Backboard | UnsetType = UNSET
 
@@ -87,6 +92,21 @@ class Target(Struct, frozen=True):
     def word(self, outcome: str) -> str:
         """Return the driver's word for an outcome: hit, if every hit counts the same."""
         return "hit" if self.hit_or_miss and outcome in ("two", "three") else outcome
+
+    @property
+    def worth(self) -> tuple[float, float]:
+        """Points of a ball through the opening, and through its inner part."""
+        if not self.faces_up:
+            return POINTS
+        hit = POINTS_UP if isinstance(self.points, UnsetType) else self.points
+        return hit, hit if isinstance(self.ring, UnsetType) else self.ring.points
+
+    def noted(self, outcome: str, side: str) -> tuple[str, str]:
+        """Return an outcome and its side in the words of this opening; a ball that went into one that faces up has no
+        side."""
+        if not self.faces_up:
+            return outcome, SIDES_UPRIGHT.get(side, side)
+        return outcome, SIDES_UP.get(side, side) if outcome in ("", "miss") else ""
 
 
 def misplaced(table: Any) -> Iterator[tuple[str, str]]:

@@ -34,7 +34,9 @@ from truearc.sim.infer.belief import Belief, before_the_shot
 from truearc.sim.infer.forecast import Values, configured
 from truearc.sim.infer.likelihood.data import Given, given_of
 from truearc.sim.physics.catalogue import Catalogue, flight_terms
+from truearc.sim.physics.facing_up import Plane, land
 from truearc.sim.physics.flight import make_law, reach_plane, rk4, start_of
+from truearc.sim.physics.simulate import opening_of
 from truearc.sim.physics.term import BallState, Exit, Vec, plus
 from truearc.sim.printed import Printed, Progress
 from truearc.sim.report import new_panels
@@ -57,8 +59,11 @@ class AimRow(NamedTuple):
         motor_rad_s: Motor speed.
         lead_deg: By how much to aim to the left of the target, against wind across.
         flight_s: From the exit to the target.
-        p_two, p_three: Probability of at least two points, and of three.
+        p_two, p_three: Probability that the ball goes in, and that it goes through the inner part; of an upright
+            target, of at least two points, and of three.
         points: Expected.
+        arrival_deg: Angle below the horizontal at which the ball comes to the target; of one that faces up, below the
+            plane of its rim.
         lost_10cm, lost_1deg, lost_50rpm: Points that such an error of distance, hood or motor speed costs, the mean of
             both directions.
         slowest_rad_s, fastest_rad_s: Motor speeds between which at least half of the points are left.
@@ -71,6 +76,7 @@ class AimRow(NamedTuple):
     motor_rad_s: float
     lead_deg: float
     flight_s: float
+    arrival_deg: float
     p_two: float
     p_three: float
     points: float
@@ -105,12 +111,12 @@ def _rows(rig: Rig, belief: Belief, distance_m: Rows, solved: Solved, kept: np.n
     lost = [_lost(rig, belief, at, best, place, error) for place, error in enumerate(
         (DISTANCE_M, HOOD_DEG, SPEED_RPM / RPM / free_rad_s))]
     low, high = _band(rig, belief, at, best)
-    side_m, flight_s = flown(rig, belief, *at)
-    lead = np.degrees(np.arctan2(-side_m, at[0])) + 0.0           # against the drift
+    come = flown(rig, belief, *at)
+    lead = np.degrees(np.arctan2(-come.side_m, at[0])) + 0.0           # against the drift
     fitted = belief.provenance.get("range", {})
     for row in range(len(kept)):
         numbers = (*(float(column[row]) for column in at), float(at[2][row] * free_rad_s), float(lead[row]),
-                   float(flight_s[row]),
+                   float(come.flown_s[row]), float(np.degrees(come.angle_rad[row])),
                    *(float(column[row]) for column in (best.p_two, best.p_three, best.points, *lost)),
                    float(low[row] * free_rad_s), float(high[row] * free_rad_s))
         settings = dict(zip(("distance_m", "hood_deg", "motor_ratio"), numbers, strict=False))
@@ -151,19 +157,40 @@ def beyond(settings: Mapping[str, float], fitted: Mapping[str, list[float]]) -> 
                      if name in fitted and not fitted[name][0] - 1e-9 <= value <= fitted[name][1] + 1e-9)
 
 
-def flown(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> tuple[Rows, Rows]:
-    """Return (drift to the left in m [n], time of flight in s [n]) at the target; NaN: does not reach it."""
+class Arrival(NamedTuple):
+    """Where balls come to the target, arrays [n]; NaN: one does not.
+
+    off_m: height or, of an opening that faces up, place along from its centre in the plane of its rim; side_m: to the
+    left; flown_s: time of flight; angle_rad: below the horizontal, or that plane.
+    """
+
+    off_m: Any
+    side_m: Any
+    flown_s: Any
+    angle_rad: Any
+
+
+def flown(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> Arrival:
+    """Return the arrivals of set points."""
     given = _given(rig, belief, distance_m, hood_deg, motor_ratio)
-    side_m, flown_s = _flown(rig, belief.coefficients, given, belief.catalogue)
-    return np.asarray(side_m), np.asarray(flown_s)
+    return Arrival(*map(np.asarray, _flown(rig, belief.coefficients, given, belief.catalogue)))
 
 
 @partial(jax.jit, static_argnames=("rig", "among"))
-def _flown(rig: Rig, values: Values, given: Given, among: Catalogue) -> tuple[Any, Any]:
+def _flown(rig: Rig, values: Values, given: Given, among: Catalogue) -> Arrival:
     at, exit, distance_m = configured(rig, values, given, among)
-    law = make_law(rig, flight_terms({"gravity", *values}, among), at)
-    plane = reach_plane(rig, law, exit, distance_m, timed=True)
-    return jnp.where(plane.near, plane.side_m, jnp.nan), jnp.where(plane.near, plane.flown_s, jnp.nan)
+    return _arrive(rig, at, exit, distance_m, values, among, timed=True)
+
+
+def _arrive(rig: Rig, at: Values, exit: Exit, distance_m: Any, values: Values, among: Catalogue,
+            timed: bool = False) -> Arrival:
+    terms = flight_terms({"gravity", *values}, among)
+    if rig.target is not None and rig.target.faces_up:
+        landing = land(rig, terms, at, exit, distance_m, opening_of(rig, values, among))
+        return Arrival(landing.along_m, landing.across_m, landing.time_s, landing.angle_rad)
+    plane = reach_plane(rig, make_law(rig, terms, at), exit, distance_m, timed=timed)
+    return Arrival(*(jnp.where(plane.near, one, jnp.nan) for one in (
+        plane.height_m, plane.side_m, plane.flown_s if timed else 0.0, -jnp.arctan(plane.climb))))
 
 
 def draw_aim(rows: Sequence[Any], refused: Sequence[tuple[float, str]]) -> Figure:
@@ -221,30 +248,35 @@ def on_the_move(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, moto
                                  for along, across in ((PROBE_M_S, 0.0), (-PROBE_M_S, 0.0), (0.0, PROBE_M_S),
                                                        (0.0, 0.0)))
     carry_s = (ahead[0] - behind[0]) / (2.0 * PROBE_M_S)
-    at_rest_m = np.asarray(_height(rig, values, given, distance_m, 0.0, among))
+    at_rest_m = np.asarray(_off(rig, values, given, distance_m, 0.0, among))
 
     def faster(log: Rows) -> Given:
         return _given(rig, belief, distance_m, hood_deg, motor_ratio * np.exp(np.clip(np.nan_to_num(log), -1.0, 1.0)))
 
     def along_m(log: Rows, along: float) -> Rows:
-        return np.asarray(_height(rig, values, faster(log), distance_m + carry_s * along, along, among) - at_rest_m)
+        return np.asarray(_off(rig, values, faster(log), distance_m + carry_s * along, along, among) - at_rest_m)
 
     def across_m(log: Rows) -> Rows:
         flown = np.asarray(_place(rig, values, faster(log), flight_s, 0.0, PROBE_M_S, among))
-        return np.asarray(_at_plane(flown, distance_m)[1] - at_rest_m)
+        return np.asarray(_at_target(flown, rig, distance_m)[1] - at_rest_m)
 
     to, fro, sink = (_root(off_m, np.zeros(len(distance_m))) for off_m in (
         partial(along_m, along=PROBE_M_S), partial(along_m, along=-PROBE_M_S), across_m))
-    sideways_m = _at_plane(left, distance_m)[0] - _at_plane(rest, distance_m)[0]
+    sideways_m = _at_target(left, rig, distance_m)[0] - _at_target(rest, rig, distance_m)[0]
     return OnTheMove(carry_s, sideways_m / PROBE_M_S, (to - fro) / (2.0 * PROBE_M_S), (to + fro) / (2.0 * PROBE_M_S**2),
                      sink / PROBE_M_S**2)
 
 
-def _at_plane(flown: Float[np.ndarray, "6 n"], distance_m: Rows) -> tuple[Rows, Rows]:
-    """(y, z) where a ball that is near the plane meets it."""
+def _at_target(flown: Float[np.ndarray, "6 n"], rig: Rig, distance_m: Rows) -> tuple[Rows, Rows]:
+    """(place to the left, Arrival.off_m) where a ball that is near the target's plane meets it."""
     x, y, z, vx, vy, vz = flown
-    left_s = (distance_m - x) / vx
-    return y + vy * left_s, z + vz * left_s
+    if rig.target is None or not rig.target.faces_up:
+        left_s = (distance_m - x) / vx
+        return y + vy * left_s, z + vz * left_s
+    plane = Plane.of(rig.target, distance_m, rig.target.centre_height_m)
+    off_x, off_z = x - plane.distance_m, z - plane.height_m
+    left_s = np.asarray(-plane.above(off_x, off_z) / plane.above(vx, vz))
+    return y + vy * left_s, np.asarray(plane.along(off_x + vx * left_s, off_z + vz * left_s))
 
 
 def _given(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> Given:
@@ -265,13 +297,12 @@ def _root(off_m: Any, log: Rows) -> Rows:
 
 
 @partial(jax.jit, static_argnames=("rig", "among"))
-def _height(rig: Rig, values: Values, given: Given, distance_m: Any, along: Any, among: Catalogue) -> Any:
-    """Height [n] at a plane, NaN: does not come there; the velocity along only changes the launch."""
+def _off(rig: Rig, values: Values, given: Given, distance_m: Any, along: Any, among: Catalogue) -> Any:
+    """Arrival.off_m [n] at a target, NaN: does not come there; the velocity along only changes the launch."""
     at, exit, _ = configured(rig, values, given, among)
     forward, upward = exit.speed_m_s * jnp.cos(exit.elevation_rad) + along, exit.speed_m_s * jnp.sin(exit.elevation_rad)
     moved = Exit(jnp.hypot(forward, upward), jnp.arctan2(upward, forward), exit.spin_rev_s, exit.above_m)
-    plane = reach_plane(rig, make_law(rig, flight_terms({"gravity", *values}, among), at), moved, distance_m)
-    return jnp.where(plane.near, plane.height_m, jnp.nan)
+    return _arrive(rig, at, moved, distance_m, values, among).off_m
 
 
 @partial(jax.jit, static_argnames=("rig", "among"))

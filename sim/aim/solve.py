@@ -14,12 +14,13 @@ from scipy.special import ndtr
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.targets import POINTS
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.forecast import forecast
+from truearc.sim.infer.landing_forecast import forecast_landings
 from truearc.sim.physics.simulate import opening_of
 from truearc.sim.printed import Progress
-from truearc.sim.statistics import POINTS_THREE, POINTS_TWO
 
 STEP_DEG = 1.0                        # of the hood angles that are tried
 RATIOS = np.geomspace(0.08, 1.0, 20)  # motor speeds over free speed, between which the height is interpolated
@@ -32,6 +33,8 @@ ROUNDING_POINTS = 3e-3                # what that may cost
 SPIN_UP_POINTS = 0.02                 # and going from rest to free speed: of what is equally good, the slower
 OUTER, OUTER_POINTS = 0.2, 0.5        # share of the fitted hood angles at either end, and what their very end may cost
 LEAST_POINTS = 0.02                   # expected; with less a distance is refused
+# Chosen: as wide as a hub allows for; of set points that hit almost surely, the one with the widest margin then wins
+WIDER = 3.0                           # times the spread, for the search of set points at an opening that faces up
 SAFE_SHARE = 0.5                      # of the best points, which set points within the band have at least
 
 Rows = Float[np.ndarray, " n"]
@@ -41,31 +44,44 @@ Rows = Float[np.ndarray, " n"]
 class Chances:
     """Probabilities of set points, arrays [n].
 
-    p_two: the ball passes the outer opening (which contains the inner one); p_three: the inner one; points: expected;
-    for a hit-or-miss target p_three is 0 and a hit counts as two. height_m: at the target, NaN if the ball does not
-    reach it, with probabilities 0. per_log_speed: derivative of that height by the log of the exit speed.
+    p_two: the ball passes the opening (including its inner part); p_three: its inner part; points: expected; for a
+    hit-or-miss target p_three is 0. worth: points of the two. off_m: from the opening's middle, upward or, where it
+    faces up, along; NaN if the ball does not reach it, with probabilities 0. per_log_speed: derivative of that by the
+    log of the exit speed.
     """
 
-    height_m: Rows
+    off_m: Rows
     p_two: Rows
     p_three: Rows
     per_log_speed: Rows
+    worth: tuple[float, float]
 
     @property
     def points(self) -> Rows:
-        return POINTS_TWO * self.p_two + (POINTS_THREE - POINTS_TWO) * self.p_three
+        outer, inner = self.worth
+        return outer * self.p_two + (inner - outer) * self.p_three
 
 
-def chances_of(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> Chances:
+def chances_of(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows, *,
+               wider: float = 1.0) -> Chances:
     """Return probabilities under the belief's covariance, the launcher's scatter and the sensors' noise.
+
+    wider: times the spread, at an opening that faces up.
 
     InputError where the rig has no target or no free speed.
     """
-    seen = forecast(rig, belief, Shots.of_settings(distance_m, hood_deg, motor_ratio))
-    opening = opening_of(rig, belief.coefficients, belief.catalogue)
+    shots = Shots.of_settings(distance_m, hood_deg, motor_ratio)
+    opening, target = opening_of(rig, belief.coefficients, belief.catalogue), rig.target
+    assert target is not None
+    if target.faces_up:
+        lands = forecast_landings(rig, belief, shots, led=True, nodes=False, wider=wider)
+        chance = lands.seen.class_chances(lands.mean_m, lands.spread_m, lapses=False) * lands.reached[:, None]
+        off_m = np.where(lands.reached, lands.mean_m - lands.seen.centred(lands.mean_m), np.nan)
+        return Chances(off_m, chance[:, 1] + chance[:, 2], chance[:, 2], lands.per_log_speed, target.worth)
+    seen = forecast(rig, belief, shots)
     two, three = (_between(seen.height_m - opening.centre_m, half_m, seen.sigma_m)
                   for half_m in (opening.two_half_m, opening.three_half_m))
-    return Chances(seen.height_m, two, three, seen.by_launch[:, 0])
+    return Chances(seen.height_m - opening.centre_m, two, three, seen.by_launch[:, 0], target.worth)
 
 
 def _between(off_m: Rows, half_m: float, sigma_m: Rows) -> Rows:
@@ -95,7 +111,8 @@ class _Field:
 
 
 REASONS = ("no set point scores", "the ball does not come so far at the motors' free speed",
-           "the ball passes above the target even at the lowest speed")
+           "the ball passes above the target even at the lowest speed",
+           "no ball comes so high at the motors' free speed")
 
 
 def solve(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float, float],
@@ -106,12 +123,13 @@ def solve(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float, flo
         raise InputError("rig.toml: launcher: free_speed_rad_s and a wheel are needed to aim")
     count = max(round((hood_deg[1] - hood_deg[0]) / STEP_DEG), 0) + 1
     field = _search(rig, belief, distance_m, np.linspace(*hood_deg, count), progress)
-    path = _smooth_path(field, distance_m, _outer_cost(belief, field.hood_deg))
+    assert rig.target is not None      # or there are no chances
+    path = _smooth_path(field, distance_m, _outer_cost(belief, field.hood_deg), rig.target.worth[1] / POINTS[1])
     rows = np.arange(len(distance_m))
     found = field.hood_deg[path]
     smooth = _rounded_off(found, distance_m, hood_deg)
     rounded = _ratios(rig, belief, distance_m, smooth, field.motor_ratio[rows, path])
-    lost = field.points[rows, path] - chances_of(rig, belief, distance_m, smooth, rounded).points
+    lost = field.points[rows, path] - chances_of(rig, belief, distance_m, smooth, rounded, wider=WIDER).points
     hood = np.where(lost > ROUNDING_POINTS, found, smooth)
     ratio = np.where(lost > ROUNDING_POINTS, field.motor_ratio[rows, path], rounded)
     chances = chances_of(rig, belief, distance_m, hood, ratio)
@@ -137,15 +155,15 @@ def _search(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Float[np.ndarr
         progress(0.8 * (row + 1) / n, f"{row + 1} of {n} distances")
     flat = np.repeat(distance_m, m), np.tile(hood_deg, n)
     best = _ratios(rig, belief, *flat, ratio.ravel())
-    return _Field(hood_deg, best.reshape(n, m), chances_of(rig, belief, *flat, best).points.reshape(n, m), reason)
+    points = chances_of(rig, belief, *flat, best, wider=WIDER).points
+    return _Field(hood_deg, best.reshape(n, m), points.reshape(n, m), reason)
 
 
 def _starts(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows) -> tuple[Rows, Int[np.ndarray, " n"]]:
     """About the ratio at which the ball meets the centre's height, and why there is none: index of REASONS."""
     grid = chances_of(rig, belief, np.repeat(distance_m, len(RATIOS)), np.repeat(hood_deg, len(RATIOS)),
                       np.tile(RATIOS, len(hood_deg)))
-    off_m = grid.height_m.reshape(len(hood_deg), -1) - opening_of(rig, belief.coefficients, belief.catalogue).centre_m
-    ratio, reason = zip(*map(_crossing, off_m), strict=True)
+    ratio, reason = zip(*map(_crossing, grid.off_m.reshape(len(hood_deg), -1)), strict=True)
     return np.array(ratio), np.array(reason)
 
 
@@ -153,7 +171,7 @@ def _crossing(off_m: Float[np.ndarray, " ratios"]) -> tuple[float, int]:
     """The ratio at which a height that grows with it meets the centre, and why there is none: index of REASONS."""
     known = np.isfinite(off_m)
     if not known.any() or off_m[known].max() < 0.0:
-        return float(RATIOS[-1]), 1
+        return float(RATIOS[-1]), 1 if known.any() else 3
     first = int(np.flatnonzero(known & (off_m >= 0.0))[0])
     if first == 0 or not known[first - 1]:
         return float(RATIOS[first]), 2 if first == 0 else 0
@@ -168,13 +186,14 @@ def _ratios(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, start: R
     for _ in range(NEWTON):
         at = chances_of(rig, belief, distance_m, hood_deg, ratio)
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = (opening.centre_m - at.height_m) / at.per_log_speed
+            step = -at.off_m / at.per_log_speed
         ratio = np.clip(ratio * np.exp(np.clip(np.nan_to_num(step), -0.1, 0.1)), RATIOS[0], 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         half = np.clip(np.nan_to_num(REACH * opening.two_half_m / np.abs(at.per_log_speed), nan=0.05), 1e-3, 0.2)
     for _ in range(POLISH):
         tried = np.clip(ratio[:, None] * np.exp(half[:, None] * np.linspace(-1.0, 1.0, TRIED)), RATIOS[0], 1.0)
-        points = chances_of(rig, belief, np.repeat(distance_m, TRIED), np.repeat(hood_deg, TRIED), tried.ravel()).points
+        points = chances_of(rig, belief, np.repeat(distance_m, TRIED), np.repeat(hood_deg, TRIED), tried.ravel(),
+                            wider=WIDER).points
         ratio = _peak(tried, points.reshape(-1, TRIED))
         half = half / TRIED * 2.0
     return ratio
@@ -206,10 +225,11 @@ def _outer_cost(belief: Belief, hood_deg: Float[np.ndarray, " m"]) -> Float[np.n
     return np.asarray(OUTER_POINTS * np.clip(1.0 - inside, 0.0, 1.0))
 
 
-def _smooth_path(field: _Field, distance_m: Rows, outer: Float[np.ndarray, " m"]) -> Int[np.ndarray, " n"]:
+def _smooth_path(field: _Field, distance_m: Rows, outer: Float[np.ndarray, " m"],
+                 worth: float) -> Int[np.ndarray, " n"]:
     """The hood angle [n] (index) of each distance: most points, less what its changes and the speeds cost, and
-    `outer` [m] what the angle itself does."""
-    cost = SPIN_UP_POINTS * field.motor_ratio - field.points + outer
+    `outer` [m] what the angle itself does; worth: of the best hit, as a share of the three that the costs are of."""
+    cost = SPIN_UP_POINTS * field.motor_ratio - field.points / worth + outer
     change = STIFF_POINTS_M * np.abs(field.hood_deg[:, None] - field.hood_deg)
     total, back = cost[0], np.zeros(cost.shape, int)
     for row in range(1, len(distance_m)):

@@ -197,6 +197,7 @@ def ended(mark: str, shot_map: ShotMap, rig: Rig, place: str) -> dict[str, Cell]
         raise InputError(f"{place}: outcome: {' or '.join(map(repr, said)) or 'otherwise'} is a hit by the map, which "
                          "may be a two or a three: write which in outcome.values; where every hit counts alike, state "
                          "target.three_half_height_m = 0 in rig.toml")
+    outcome, side = (outcome, side) if rig.target is None else rig.target.noted(outcome, side)
     return {"outcome": outcome or None, "side": side or None}
 
 

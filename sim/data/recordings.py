@@ -19,6 +19,7 @@ from msgspec import UNSET
 
 from truearc.errors import InputError
 from truearc.hw.protocols import NS
+from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.robot.reasons import texts
@@ -76,7 +77,7 @@ def shots_from_sessions(sessions: Sequence[str | Path], name: str, telemetry: bo
         rows += [(session.resolve().name, trial) for trial in kept]
     if not rows:
         raise InputError(f"{', '.join(map(str, folders))}: no marked shots")
-    return Dataset(name, configs[0].rig, _shots(rows), None, Traces.of(traces), tuple(left_out))
+    return Dataset(name, configs[0].rig, _shots(rows, configs[0].rig), None, Traces.of(traces), tuple(left_out))
 
 
 def _unlike(session: Path, marked: list[Trial], in_ticks: dict[int, Trial]) -> list[str]:
@@ -101,9 +102,10 @@ def _split(session: Path, trials: list[Trial]) -> tuple[list[Trial], list[str]]:
     return kept, dropped
 
 
-def _shots(rows: list[tuple[str, Trial]]) -> Shots:
+def _shots(rows: list[tuple[str, Trial]], rig: Rig) -> Shots:
     shots = [trial.shot for _, trial in rows if trial.shot is not None]
     marks = [OUTCOMES[trial.outcome.outcome] for _, trial in rows]
+    marks = marks if rig.target is None else [rig.target.noted(*mark) for mark in marks]
     numbers = {name: np.array([getattr(shot, name) for shot in shots], dtype=float) for name in NUMBERS}
     numbers["t_s"] = np.array([shot.t_ns * NS for shot in shots])
     texts = {"outcome": tuple(mark for mark, _ in marks), "side": tuple(side for _, side in marks),

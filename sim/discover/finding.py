@@ -173,6 +173,7 @@ class Adoption(Struct, frozen=True):
     low90: float                      # lower end of the 90 % interval over hold-out shots
     high90: float                     # upper end
     refused: str | None               # why it is not adopted, or not as a whole; null: it is adopted
+    hit_points: float | UnsetType = UNSET          # of the best hit; absent where that is three
 
 
 class FindingRecord(Struct, frozen=True):

@@ -21,20 +21,19 @@ from scipy.spatial.distance import squareform
 from scipy.special import ndtr, ndtri
 
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.targets import refuse_up
+from truearc.robot.config.rig_spec import Rig, Target
 from truearc.sim.data.dataset import ORDINARY, Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.detect.battery import ALLOWANCE, LEAST_SHARE, TERMS
 from truearc.sim.discover.finding import FALSE_ALARM, LEVELS, SEASON_SHOTS
 from truearc.sim.discover.select.terms import ALIAS, BUSY
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import FEWEST, Launcher
-from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few, see_outcomes
 from truearc.sim.infer.likelihood.layout import weak_prior
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import path
-from truearc.sim.physics.simulate import by_robot, launch_of, leave, predict, sense
+from truearc.sim.physics.simulate import by_robot, forecast, launch_of, leave, sense
 from truearc.sim.printed import Progress
 
 SCHEMA = "truearc.identifiability/1"
@@ -242,8 +241,8 @@ def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = F
         model = _model_of(dataset, believed, among)
         return sight_of(fit_believed(model, progress).scores, model.data.level, believed)
     progress(0.1, "slopes")
-    marked = Shots(dataset.shots.shot_id, dataset.shots.numbers,
-                   {**dataset.shots.texts, **mark(len(dataset.shots), sides)}, dataset.shots.source)
+    texts = {**dataset.shots.texts, **mark(len(dataset.shots), sides, dataset.facts.target)}
+    marked = Shots(dataset.shots.shot_id, dataset.shots.numbers, texts, dataset.shots.source)
     evidence, level = _expected(replace(dataset, shots=marked), believed, among)
     progress(1.0, "done")
     return sight_of(_as_aimed(evidence, seed), level, believed)
@@ -271,7 +270,8 @@ def _as_aimed(evidence: ScoreTable, seed: int) -> ScoreTable:
         return evidence
     rng = np.random.default_rng(seed)
     aside = rng.choice((-1.0, 1.0), len(plane.mean_m)) * rng.uniform(*ASIDE, len(plane.mean_m))
-    return replace(evidence, plane=replace(plane, mean_m=aside * plane.spread_m)).moved(np.zeros_like(evidence.score))
+    mean_m = plane.seen.beside(plane.spread_m, aside)
+    return replace(evidence, plane=replace(plane, mean_m=mean_m)).moved(np.zeros_like(evidence.score))
 
 
 @dataclass(frozen=True)
@@ -301,12 +301,11 @@ def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASO
     if rig.target is None and level != "L2":
         raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
                          "; level L2, by tracks, does without")
-    refuse_up(rig.target, "a rehearsed season")
     plan = _throw(rig, shots, rng) if rig.target is None else _aim(rig, coefficients, shots, rng, among)
     numbers, texts = settings(rig, plan), {}
     if rig.target is not None:
         numbers["distance_m"] = plan.distance_m
-        texts = mark(shots, sides)
+        texts = mark(shots, sides, rig.target)
     ids = tuple(f"s{number}" for number in range(1, shots + 1))
     flown = Shots(ids, dict(numbers), dict(texts))
     tracks = _watch(rig, coefficients, flown, plan.distance_m, rng, among) if level == "L2" else None
@@ -321,11 +320,11 @@ def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASO
     return Dataset("rehearsal", rig, Shots(ids, numbers, texts), tracks, traces)
 
 
-def mark(shots: int, sides: bool) -> dict[str, tuple[str, ...]]:
+def mark(shots: int, sides: bool, target: Target | None) -> dict[str, tuple[str, ...]]:
     """Return outcomes that change no expected information: only the available classes matter, not the class of a
     shot."""
-    side = {"side": tuple("low" if k % 2 else "high" for k in range(shots))} if sides else {}
-    return {"outcome": ("miss",) * shots, **side}
+    words = ("high", "low") if target is None else [target.noted("miss", side)[1] for side in ("high", "low")]
+    return {"outcome": ("miss",) * shots, **({"side": tuple(words[k % 2] for k in range(shots))} if sides else {})}
 
 
 def settings(rig: Rig, plan: Plan) -> dict[str, Float[Array, " n"]]:
@@ -366,11 +365,12 @@ def _aim(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int,
     least_deg = np.maximum(ELEVATION_DEG[0], np.degrees(np.arctan2(rise_m, distance_m)) + STEEPER_DEG)
     hood_deg = rng.uniform(np.minimum(least_deg, ELEVATION_DEG[1]), np.maximum(least_deg, ELEVATION_DEG[1]))
     drives = _drives(rig)
-    heights_m = _heights(rig, coefficients, distance_m, hood_deg, drives, among)
-    _, per_log = _drive_for(heights_m, np.full(len(distance_m), rig.target.centre_height_m), drives)
+    places_m, middle_m = _places(rig, coefficients, distance_m, hood_deg, drives, among)
+    _, per_log = _drive_for(places_m, np.full(len(distance_m), middle_m), drives)
     sd_m = np.hypot(SPEED_SD * per_log, DISTANCE_SD_M)
     aside = rng.choice((-1.0, 1.0), len(distance_m)) * rng.uniform(*ASIDE, len(distance_m))
-    drive, _ = _drive_for(heights_m, rig.target.centre_height_m + aside * sd_m, drives)
+    marked = Shots(("",) * len(aside), {}, mark(len(aside), False, rig.target))
+    drive, _ = _drive_for(places_m, middle_m + see_outcomes(marked, rig)[1].beside(sd_m, aside), drives)
     there = np.flatnonzero(np.isfinite(drive))
     if len(there) < FEWEST_SHOTS:
         raise InputError(f"rig.toml: at no distance from {NEAR * reach_m:.3g} to {FAR * reach_m:.3g} m does the "
@@ -379,14 +379,19 @@ def _aim(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int,
     return Plan(distance_m[rows], hood_deg[rows], drive[rows])
 
 
-def _heights(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], distance_m: Float[Array, " n"],
-             hood_deg: Float[Array, " n"], drives: Float[Array, " drives"],
-             among: Catalogue | None) -> Float[Array, "n drives"]:
-    """[n, drives] heights at the plane; nan where the ball does not get there."""
+def _places(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], distance_m: Float[Array, " n"],
+            hood_deg: Float[Array, " n"], drives: Float[Array, " drives"],
+            among: Catalogue | None) -> tuple[Float[Array, "n drives"], float]:
+    """([n, drives] heights or, where the target faces up, places along from its centre; nan where the ball does not get
+    there; where its centre is)."""
     n = len(distance_m)
     every = Plan(np.repeat(distance_m, len(drives)), np.repeat(hood_deg, len(drives)), np.tile(drives, n))
     shots = Shots(("",) * len(every.drive), {**settings(rig, every), "distance_m": every.distance_m}, {})
-    return np.asarray(predict(rig, coefficients, shots, among=among).height_m).reshape(n, -1)
+    flown = forecast(rig, coefficients, shots, among=among)
+    if "along_m" in flown:
+        return flown["along_m"].reshape(n, -1), 0.0
+    assert rig.target is not None
+    return flown["height_m"].reshape(n, -1), rig.target.centre_height_m
 
 
 def _drive_for(heights_m: Float[Array, "n drives"], wanted_m: Float[Array, " n"],

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
-from msgspec import structs
+from msgspec import UNSET, structs
 
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots
@@ -422,13 +422,14 @@ def judge_points(investigation: Investigation, taken: Simulation,
         worth.as_believed(unfitted(fitted)))
     new = worth.hold_out(*_models(taken))
     before, after = (worth.points_of(seen, one, (old, new), threshold) for one in (old, new))
-    scored, held = seen.points(), POINTS_THREE * threshold
-    gain = after.worth(held) - before.worth(held)
+    scored, best = seen.points(), fitted.model.data.rig.target.worth[1]
+    gain = after.worth(best * threshold) - before.worth(best * threshold)
     error = Z90 * clustered_error(gain, fitted.scores.together[rows])
     passed = [float(scored[one.fires].mean()) if one.fires.any() else None for one in (before, after)]
     return Adoption(len(rows), threshold, float(before.aimed.mean()), float(after.aimed.mean()),
                     float(before.fires.mean()), float(after.fires.mean()), passed[0], passed[1], float(gain.mean()),
-                    float(gain.mean() - error), float(gain.mean() + error), None)
+                    float(gain.mean() - error), float(gain.mean() + error), None,
+                    UNSET if best == POINTS_THREE else best)
 
 
 def unfitted(fitted: LauncherFit) -> LauncherFit:

@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.intervals import KNOWN, NumberChange, ProfileInterval, tracker_errors
+from truearc.sim.infer.landing_forecast import forecast_landings
 from truearc.sim.infer.launcher import MapFit, Sought, odd_places
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
 from truearc.sim.infer.likelihood.noise import UNMEASURED_M
@@ -185,14 +186,20 @@ def _open_ends(one: ProfileInterval) -> str:
 
 
 def say_scatter(fit: MapFit) -> Iterable[str]:
-    """Report the scatter of the height at the target."""
+    """Report the scatter of the height at the target, or of where balls come down."""
     shots = fit.dataset.shots.take(fit.scores.rows)
     shots = shots.take(np.isfinite(shots.number("distance_m")) & fit.fitted.model.data.lanes.rolled)
     if not len(shots):
         return
     middle_m = float(np.median(shots.number("distance_m")))
     nearest = np.argsort(np.abs(shots.number("distance_m") - middle_m), kind="stable")[:NEAREST]
-    ahead = forecast(fit.dataset.facts, fit.belief, shots.take(nearest))
+    rig = fit.dataset.facts
+    if rig.target is not None and rig.target.faces_up:
+        spread_m = forecast_landings(rig, fit.belief, shots.take(nearest), nodes=False).spread_m
+        yield (f"where a ball comes down at {middle_m:.1f} m varies by {100.0 * np.median(spread_m):.0f} cm along (one "
+               "standard deviation), with what the sensors misjudge and the uncertainty of this fit")
+        return
+    ahead = forecast(rig, fit.belief, shots.take(nearest))
     launch, sensor, unknown = (100.0 * float(np.nanmedian(part)) for part in (ahead.launch_m, ahead.sensor_m,
                                                                             ahead.parameter_m))
     yield (f"from shot to shot the height at {middle_m:.1f} m varies by {launch:.0f} cm (one standard deviation); what "

@@ -6,8 +6,8 @@ measured with wrong slopes (Kennedy and O'Hagan 2001). Each curve of ROOM theref
 over distance, hood and speed (truearc.sim.infer.belief.smooth), normally distributed about 0. They are in units in
 which the constant moves heights by UNIT_M. Their standard deviation is estimated by EM (Dempster et al. 1977) from a
 prior of PRIOR_M that counts as much as WEIGHT points, and it is never 0. The points are parameters of the fit like any
-other, so a belief holds them with their covariance. The spread between balls is
-estimated in the same way, from the prior of the layout.
+other, so a belief holds them with their covariance. The spread between balls is estimated in the same way, from the
+prior of the layout.
 """
 
 from collections.abc import Mapping

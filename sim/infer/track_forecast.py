@@ -52,7 +52,7 @@ def forecast_flights(dataset: Dataset, belief: Belief, share: float) -> list[Fli
                          f"fewer than {FEWEST_SAMPLES} samples of each are known")
     t_s = [later[row] for row in data.samples.rows.tolist()]
     model = _launcher(data, belief, t_s, blind=share == 0.0)
-    return _forecast(model, _doubt(model, belief), t_s, to_floor=share == 1.0)
+    return _forecast(model, doubt_of(model, belief), t_s, to_floor=share == 1.0)
 
 
 def _by_settings(dataset: Dataset, belief: Belief) -> tuple[Dataset, dict[int, Array]]:
@@ -158,9 +158,9 @@ def _told(inner: Float[Array, "n k k"], onto: Float[Array, "n k"], wide: int) ->
     return _Told(shared, own, doubt, own_doubt, follows)
 
 
-def _doubt(model: Launcher, belief: Belief) -> Float[Array, "inputs u"]:
+def doubt_of(model: Launcher, belief: Belief, others: bool = True) -> Float[Array, "inputs u"]:
     """What is open, as numbers of unit variance to the layout's inputs: coefficients that the belief knows with their
-    covariance, and other balls than its own, and a tracker's errors where there are samples."""
+    covariance, and (where `others`) other balls than its own, and a tracker's errors where there are samples."""
     layout, samples = model.layout, model.data.samples
     asked = np.flatnonzero(layout.source >= 0)
     root = np.linalg.cholesky(np.linalg.inv(layout.precision)[np.ix_(asked, asked)])
@@ -168,5 +168,5 @@ def _doubt(model: Launcher, belief: Belief) -> Float[Array, "inputs u"]:
     sure = [not seen if is_tracker(one, model.catalogue) else believed_name(one.name) not in belief.names
             for one in (layout.columns[k] for k in asked)]
     root[sure] = 0.0
-    others = np.zeros(0) if layout.groups is None else layout.groups.scale * bool(belief.names)
-    return np.asarray(block_diag(root, np.diag(others)))
+    balls = np.zeros(0) if layout.groups is None else layout.groups.scale * bool(belief.names) * others
+    return np.asarray(block_diag(root, np.diag(balls)))

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 import truearc as ta
+from truearc.cli.datasets import GAMES
 from truearc.cli.main import main
 from truearc.robot.config.schema import load_config
+from truearc.sim.data.files import load_rig
 
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
 DOCS = Path(__file__).parents[2] / "docs" / "reference" / "dataset.md"
@@ -83,6 +85,26 @@ def test_check_refuses_implausible_data_by_name_unless_accepted(made: Path, caps
     assert "ball.mass_kg" in capsys.readouterr().err
     assert main(["check", "week", "--quiet", "--accept", "mass"]) == 0
     assert "warning: mass: rig.toml: ball.mass_kg" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("game", GAMES)
+def test_game_fills_in_ball_and_target_with_sources(tmp_path: Path, game: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "--game", game]) == 0
+    text = (tmp_path / game / "rig.toml").read_text()
+    assert text.count("[ball]") == text.count("\n[target]") == 1
+    lines = text[text.index("[ball]"):text.index("[site]")].splitlines()
+    stated = [line for line in lines if re.match(r"\w+ = [\d.]", line)]
+    assert len(stated) >= 5 and all(re.search(r"not verified|section|Eq\.|by the vendor", line) for line in stated)
+    (tmp_path / "rig.toml").write_text(text.replace("= nan", "= 0.05").replace("rad_s = 0.05", "rad_s = 600"))
+    rig = load_rig(tmp_path / "rig.toml")
+    assert rig.target.faces_up == (game != "frc-2020") and 0.05 < rig.ball.radius_m < 0.13
+    assert "side" in (tmp_path / game / "shots.csv").read_text()
+
+
+def test_game_without_a_target_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["init", "--game", "frc-2026", "x", "--tracks"]) == 2
+    assert "--game: goes with a rig.toml that has a target" in capsys.readouterr().err
 
 
 def test_init_keeps_what_is_there(made: Path, capsys: pytest.CaptureFixture[str]) -> None:

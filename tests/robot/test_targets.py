@@ -7,8 +7,10 @@ import pytest
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, Rig, Target
+from truearc.robot.config.shot_map import MARKS
 from truearc.robot.config.targets import Ring
 from truearc.sim.data.files import load_dataset, load_rig, save_rig
+from truearc.sim.data.import_shots import import_shots
 
 HUB = """
 [ball]
@@ -83,6 +85,32 @@ def test_side_of_another_facing_is_refused_with_the_right_word(tmp_path, rig, si
                                         f"a,3,60,miss,{side}\nb,3,60,miss,{side}\n")
     with pytest.raises(InputError, match=message):
         load_dataset(tmp_path)
+
+
+@pytest.mark.parametrize(("mark", "up", "front"), [
+    ("miss-low", ("miss", "short"), ("miss", "low")), ("miss-long", ("miss", "long"), ("miss", "high")),
+    ("miss-left", ("miss", "left"), ("miss", "left")), ("two-low", ("two", ""), ("two", "low")),
+    ("hit", ("hit", ""), ("hit", ""))])
+def test_marks_are_noted_in_the_words_of_the_opening(tmp_path, mark, up, front):
+    hub = rig_of(tmp_path, HUB).target
+    assert hub.noted(*MARKS[mark]) == up and Target(2.0).noted(*MARKS[mark]) == front
+
+
+def test_points_of_a_hit_are_those_of_the_game():
+    hub = Target(1.0, facing="up", shape="circle", radius_m=0.5)
+    assert hub.worth == (1.0, 1.0) and Target(2.0).worth == (2.0, 3.0)
+    ringed = Target(1.0, facing="up", shape="circle", radius_m=0.5, points=2.0, ring=Ring(0.1, 5.0))
+    assert ringed.worth == (2.0, 5.0)
+
+
+def test_table_of_a_team_is_imported_with_sides_of_a_hub(tmp_path):
+    (tmp_path / "rig.toml").write_text(HUB)
+    (tmp_path / "mine.csv").write_text("d,angle,result\n3,60,in\n3,60,short\n3,60,wide\n")
+    (tmp_path / "shots.toml").write_text(
+        'schema = "truearc.shot-map/1"\nrows = "shot"\n[columns]\ndistance_m = "d"\nhood_deg = "angle"\n'
+        '[outcome]\nkey = "result"\nvalues = { in = "hit", short = "miss-low", wide = "miss-left" }\n')
+    shots = import_shots([tmp_path / "mine.csv"], rig=tmp_path / "rig.toml", shot_map=tmp_path / "shots.toml").shots
+    assert shots.text("outcome") == ("two", "miss", "miss") and shots.text("side") == ("", "short", "left")
 
 
 def test_hits_and_misses_with_sides_are_read(tmp_path):

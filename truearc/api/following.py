@@ -14,7 +14,7 @@ from truearc.api.forecasting import AimTable, aim
 from truearc.api.results import Table
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.targets import refuse_up
+from truearc.robot.config.targets import SIDES_UP
 from truearc.sim.aim.make_table import AimRow
 from truearc.sim.aim.solve import chances_of
 from truearc.sim.check.check import check_plausible
@@ -29,6 +29,7 @@ from truearc.sim.printed import Printed, Progress
 FEWEST_SINCE = 15                     # shots since the change, by which it can be named
 FEWEST_SIDED = 5                      # of these, whose side of the centre is known; else no direction is
 EVERY_FINDING = 0.99                  # false alarm of the discovery after an alarm: that something changed is known
+ALONG = (*SIDES_UP, *SIDES_UP.values())              # sides that tell in which direction to correct
 COLUMNS = ("shot", "e_value", "alarm")
 
 
@@ -126,7 +127,6 @@ def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = settings.FA
     settings.check_chances(false_alarm, seed)
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     check_kind("belief", belief, Belief, "load_belief(...)")
-    refuse_up(dataset.rig.target, "follow")
     dataset = check_plausible(dataset, accept).in_order()
     return Following(dataset, belief, follow_shots(dataset, belief, seed), false_alarm, seed, accept)
 
@@ -184,14 +184,15 @@ def _refused(following: Following, finding: Finding, belief: Belief) -> str:
         return str(belief.provenance.get("refused", "no effect was found by which the shots are forecast better"))
     rows = following.test.rows[(following.since or 1) - 1:]
     later = following.dataset.take([int(row) for row in rows])
-    known = np.isin(later.shots.text("side"), ("low", "high")) | np.isfinite(later.shots.number("miss_height_m"))
+    known = np.isin(later.shots.text("side"), ALONG) | np.isfinite(later.shots.number("miss_height_m"))
     if later.tracks is not None:
         known[later.tracks.shot] = True
-    sided = int(known.sum())
+    sided, target = int(known.sum()), following.dataset.rig.target
+    buttons = "" if target is not None and target.faces_up else "two-low, two-high, "
     if sided < FEWEST_SIDED:
         return (f"of {len(rows)} shots since the change {sided} say on which side of the centre they passed; "
-                f"{FEWEST_SIDED} at least are needed to correct in the right direction (column side; buttons two-low, "
-                "two-high, miss-low, miss-high)")
+                f"{FEWEST_SIDED} at least are needed to correct in the right direction (column side; buttons "
+                f"{buttons}miss-low, miss-high)")
     worth = finding.record.adoption
     if not isinstance(worth, UnsetType) and worth.low90 <= 0.0:
         return (f"aimed by it, hold-out shots would gain {worth.gain:+.2f} points (90 %: {worth.low90:+.2f} to "

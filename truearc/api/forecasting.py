@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,7 @@ from truearc.errors import InputError, naming, whole_file
 from truearc.model_export.verify import HEADER as RATING_COLUMNS
 from truearc.model_export.verify import rate_shots
 from truearc.robot.aim_file import check_rig, load_aim
-from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.targets import refuse_up
+from truearc.robot.config.rig_spec import Rig, Target
 from truearc.robot.config.units import CONVERTED
 from truearc.robot.gate import load_gate
 from truearc.sim.aim.make_table import (
@@ -35,11 +34,12 @@ from truearc.sim.aim.make_table import (
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots, circumstances_of
 from truearc.sim.infer.belief import Belief, along
+from truearc.sim.infer.landing_forecast import forecast_landings
 from truearc.sim.infer.likelihood.data import every_column
 from truearc.sim.infer.track_forecast import forecast_flights
 from truearc.sim.physics.simulate import forecast
 from truearc.sim.printed import Printed, Progress, make_text
-from truearc.sim.statistics import POINTS_TWO, Z90
+from truearc.sim.statistics import Z90
 
 ROUNDING = 1e-6                       # of a fitted range: a converted unit is not outside it
 TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m", "x_band_m", "y_band_m", "z_band_m")
@@ -47,6 +47,7 @@ NOT_REACHED = "does not reach the target: it meets the floor or turns back first
 SCHEMA = "truearc.aim_table/1"
 HEADER = ("m", "hood deg", "motor rpm", "P(two)", "P(three)", "points", "-10 cm", "-1 deg", "-50 rpm")
 HITS = ("m", "hood deg", "motor rpm", "P(hit)", "10 cm off", "1 deg off", "50 rpm off")
+RINGED = (*HEADER[:3], "P(hit)", "P(ring)", *HEADER[5:])            # of an opening that faces up, and has a ring
 STEP_M = 0.25                         # between distances, where none are given
 DISTANCES_M = (2.0, 7.0)              # their range where the belief does not say to what it was fitted
 HOOD_DEG = (20.0, 70.0)               # likewise
@@ -72,7 +73,7 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
         target's centre [m, up positive], outcome, and a note if a setting is outside the range of the fitted shots, the
         rig differs from theirs, or height_m is None because the ball hits the floor or turns back first. For a target
         that faces up: shot_id, along_m and across_m from its centre in the plane of the rim [m, away from the launcher
-        and to the left], angle_deg below that plane, outcome, side of a miss, note. With a gate:
+        and to the left], angle_deg below that plane, outcome, side of a miss, p_hit (probability), note. With a gate:
         shot_id, p_two and p_three (probabilities), in_domain, novelty (over 1: outside the recorded shots); None where
         the gate gives no number. With tracks: a row per time t_s [s, from the track's first sample, or from release]:
         where the ball is (launcher's frame), and for each axis half the width of the 90 % interval, by what the belief
@@ -123,15 +124,21 @@ def _flown(dataset: Dataset, belief: Belief, progress: Progress) -> dict[str, Se
                          ": deviation and outcome are about it")
     circumstances = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
     columns = forecast(dataset.rig, belief.coefficients, dataset.shots, progress, circumstances, belief.catalogue)
+    if dataset.rig.target.faces_up:
+        lands = forecast_landings(dataset.rig, belief, dataset.shots)
+        columns["p_hit"] = np.full(len(dataset.shots), np.nan)
+        chance = lands.seen.class_chances(lands.mean_m, lands.spread_m, lapses=False)
+        columns["p_hit"][lands.rows] = chance[:, 1:].sum(1)
     return {name: column.tolist() for name, column in columns.items()}
 
 
 @dataclass(frozen=True)
 class AimTable(Printed):
-    """Set points by ascending distance, and the distances without a scoring set point, with the reason."""
+    """Set points by ascending distance, and the distances without a scoring set point, with the reason; the target."""
 
     rows: tuple[AimRow, ...]
     refused: tuple[tuple[float, str], ...] = ()
+    target: Target = field(default_factory=lambda: Target(0.0))
 
     def at(self, distance_m: float) -> AimRow:
         """Return the set point of any distance between the rows, interpolated by smooth monotone curves.
@@ -161,14 +168,17 @@ class AimTable(Printed):
         hits for a hit-or-miss target."""
         metres = {"m": 1.0, **CONVERTED["m"]}[unit]
         turned, hits = any(one.lead_deg for one in self.rows), not any(one.p_three for one in self.rows)
-        head = (unit, *(HITS if hits else HEADER)[1:], *(["lead deg"] if turned else []), "")
+        up, best = self.target.faces_up, self.target.worth[0]
+        head = (unit, *(HITS if hits else RINGED if up else HEADER)[1:], *(["arrives deg"] if up else []),
+                *(["lead deg"] if turned else []), "")
         rows = []
         for one in self.rows:
             lost = one.lost_10cm, one.lost_1deg, one.lost_50rpm
-            worth = ([f"{-points / POINTS_TWO:+.0%}".replace("-0%", "0%") for points in lost] if hits
+            worth = ([f"{-points / best:+.0%}".replace("-0%", "0%") for points in lost] if hits
                      else [f"{one.p_three:.0%}", f"{one.points:.2f}", *(f"{points:.2f}" for points in lost)])
             rows.append((f"{one.distance_m / metres:.2f}", f"{one.hood_deg:.1f}",
                          f"{one.motor_rad_s * RPM:.0f}", f"{one.p_two:.0%}", *worth,
+                         *([f"{one.arrival_deg:.0f}"] if up else []),
                          *([f"{one.lead_deg:+.1f}"] if turned else []), one.note))
         refused = [f"{distance_m / metres:.2f} {unit}: no set point: {why}" for distance_m, why in self.refused]
         return [*make_text(head, rows, right=range(len(head) - 1)), *refused]
@@ -213,9 +223,11 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
         progress: Progress = lambda done, note: None) -> AimTable:
     """Find the hood angle and motor speed with the most expected points for each distance.
 
-    The height at the target is normally distributed about the belief's forecast, with the scatter between shots, the
-    noise of the sensors (rig.toml [noise]) and the belief's covariance. Among nearly equal set points, a smooth
-    sequence with slower wheels is chosen.
+    The height at the target, or the place where the ball comes down at one that faces up, is normally distributed about
+    the belief's forecast, with the scatter between shots, the noise of the sensors (rig.toml [noise]) and the belief's
+    covariance. At a target that faces up, set points are chosen as for three times that spread, so that of those that
+    hit almost surely the one with the widest margin wins. Among nearly equal set points, a smooth sequence with slower
+    wheels is chosen.
 
     Args:
         belief: Coefficients, scatter and covariance.
@@ -227,7 +239,8 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
 
     Returns:
         A row per distance; distances without a scoring set point are listed with the reason. The outer opening counts
-        two points, the inner one three, and a hit on a hit-or-miss target two.
+        two points, the inner one three, and a hit on a hit-or-miss target two; a hit on a target that faces up counts
+        what [target] states.
 
     Raises:
         InputError: an implausible rig, one without target, wheels or free speed, an invalid distance or angle, or no
@@ -235,7 +248,6 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
     """
     check_kind("belief", belief, Belief, "load_belief(...)")
     check_kind("rig", rig, Rig, "load_rig(...)")
-    refuse_up(rig.target, "aim")
     check_plausible(Dataset("", rig, Shots((), {}, {})), accept)
     fitted = belief.provenance.get("range", {})
     known: Mapping[str, list[float]] = fitted if isinstance(fitted, Mapping) else {}
@@ -248,7 +260,8 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
     rows, refused = make_rows(rig, belief, _distances(distances_m, known), (low, high), progress)
     if other := belief.other_rig(rig):
         rows = tuple(row._replace(note="; ".join(filter(None, (row.note, other)))) for row in rows)
-    return AimTable(rows, refused)
+    assert rig.target is not None     # or no set point scores
+    return AimTable(rows, refused, rig.target)
 
 
 def export_aim(table: AimTable, belief: Belief, rig: Rig, path: str | Path, *, note: str = "") -> AimCheck:
@@ -291,7 +304,6 @@ def verify_aim(path: str | Path, belief: Belief, rig: Rig, *, seed: int = 0) -> 
     """
     check_kind("belief", belief, Belief, "load_belief(...)")
     check_kind("rig", rig, Rig, "load_rig(...)")
-    refuse_up(rig.target, "aim")
     file = load_aim(path)
     check_rig(path, file, rig)
     check = check_aim_file(file, belief, rig, seed)

@@ -3,6 +3,7 @@
 import argparse
 import shlex
 import sys
+import tomllib
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +14,8 @@ from truearc.errors import OTHER_FORMATS, InputError, about, needs
 from truearc.sim.data.importers import load_importers
 
 RIG = Path(__file__).with_name("rig_template.toml")
+GAMES = tomllib.loads(Path(__file__).with_name("games.toml").read_text(encoding="utf-8"))
+OF_A_GAME = ("[ball]", "[target]", "# [target.ring]")      # blocks of the template that a game replaces
 COLUMNS = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome")
 TRACKED = {"shots.csv": ("shot_id", "exit_spin_rev_s"), "tracks.csv": ("shot_id", "t_s", "x_m", "y_m", "z_m")}
 TRACKED_BELIEF = """[believe]                             # what the simulation has before anything is discovered
@@ -23,6 +26,8 @@ NOT_TRACKED = ("[[launcher.wheel]]", "[target]", "free_speed_rad_s")       # of 
 def init_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", nargs="?", type=common.OutFolder(("rig.toml", "shots.csv", "tracks.csv")),
                         metavar="DIR", help="dataset directory to make")
+    parser.add_argument("--game", choices=GAMES, help="a game whose ball and target rig.toml has, with the source of "
+                        "each number (DIR: the game's name, if not given)")
     parser.add_argument("--units", type=lambda text: text.split(","), default=[], metavar="UNIT[,UNIT]",
                         help="in which shots.csv has distances and angles instead of m and deg: mm, cm, in or ft; rad")
     parser.add_argument("--tracks", action="store_true", help="a dataset of flights that a camera saw: tracks.csv, "
@@ -38,6 +43,10 @@ def init(args: argparse.Namespace) -> int:
     the horizontal in degrees, motor speed / free speed, and miss, two or three. docs/reference/dataset.md has all of
     them.
     """
+    if args.game is not None:
+        if args.robot is not None or args.tracks:
+            raise InputError("--game: goes with a rig.toml that has a target, not with --robot or --tracks")
+        args.dataset = args.dataset or Path(args.game)
     if (args.dataset is None) == (args.robot is None):
         raise InputError("DIR or --robot FILE: give one of the two")
     if args.robot is not None and args.units:
@@ -51,6 +60,8 @@ def init(args: argparse.Namespace) -> int:
         return 0
     args.dataset.mkdir(parents=True, exist_ok=True)
     rig = RIG.read_text(encoding="utf-8")
+    if args.game is not None:
+        rig, columns = of_game(rig, args.game), [*columns, "side"]
     common.write_out(args.dataset / "rig.toml", for_tracks(rig) if args.tracks else rig)
     for name, header in (TRACKED if args.tracks else {"shots.csv": columns}).items():
         common.write_out(args.dataset / name, ",".join(header) + "\n")
@@ -58,6 +69,13 @@ def init(args: argparse.Namespace) -> int:
         " and a row of shots.csv for each shot")
     print(f"{args.dataset}: fill in rig.toml{rows}; then: truearc check {args.dataset}")
     return 0
+
+
+def of_game(rig: str, game: str) -> str:
+    """Return the template rig.toml with the ball and the target of a game."""
+    first, *blocks = (block for block in rig.split("\n\n") if not block.startswith(OF_A_GAME))
+    of_launcher = next(number for number, block in enumerate(blocks) if block.startswith("[site]"))
+    return "\n\n".join([first, *blocks[:of_launcher], GAMES[game]["blocks"].strip(), *blocks[of_launcher:]])
 
 
 def for_tracks(rig: str) -> str:

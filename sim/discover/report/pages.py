@@ -430,10 +430,11 @@ def _points(finding: FindingRecord) -> str:
     rows = [("points per ball, had each shot been aimed by it", worth.aimed_before, worth.aimed_after),
             ("shots as made that its gate lets through [%]", _percent(worth.fired_before), _percent(worth.fired_after)),
             ("points per ball of these", worth.scored_before, worth.scored_after)]
+    hits, least = (POINTS_THREE, "three times the least P(three)") if isinstance(worth.hit_points, UnsetType) else (
+        worth.hit_points, "those of a hit times the least P(hit)")
     return table((f"{worth.shots} shots", "as simulated", "corrected"), rows) + paragraph(
-        _capital(wording.say_points(worth)) + f". A ball that the gate holds counts "
-        f"{POINTS_THREE * worth.threshold:.1f} points: three times the least P(three) for which it fires "
-        f"({worth.threshold:g}).")
+        _capital(wording.say_points(worth)) + f". A ball that the gate holds counts {hits * worth.threshold:.1f} "
+        f"points: {least} for which it fires ({worth.threshold:g}).")
 
 
 def _percent(share: float | None) -> float | None:

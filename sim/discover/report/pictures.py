@@ -27,7 +27,6 @@ from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import PHONE_IN, make_png, new_figure, new_panels
 from truearc.sim.statistics import Z90
 
-HEIGHT = "height at the target"
 MOST_BINS, BIN_SHOTS = 8, 6
 MOST_GROUPS = 3
 FEWEST = 3                            # shots of a bin
@@ -141,7 +140,8 @@ def residuals_of(before: ScoreTable, after: ScoreTable | None, tracked: bool) ->
     found = []
     if before.plane is not None:
         later = None if after is None or after.plane is None else Heights(after.plane, len(after.rows))
-        found.append(Residual(HEIGHT, None, "arrival", 100.0, "cm", Heights(before.plane, len(before.rows)), later))
+        found.append(Residual(before.plane.seen.quantity, None, "arrival", 100.0, "cm",
+                              Heights(before.plane, len(before.rows)), later))
     for k, column in enumerate(before.columns[:before.first_shared] if tracked else ()):
         # a wrong distance is seen in nothing but the height
         plain = column.kind == "free" and column.stage != "sensing" and not column.follows

@@ -12,6 +12,7 @@ reaches the rim, the place of arrival is not linear in the launch; such shots ar
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -25,7 +26,6 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.likelihood.noise import LAPSE
 from truearc.sim.infer.likelihood.outcomes import CLASSES, SIDED_SHARE, Nodes
 from truearc.sim.physics.facing_up import GRIP, clearance, half_along
-from truearc.sim.statistics import POINTS_TWO
 
 Array = np.ndarray
 CELLS = ("short", "long", "left", "right", "hit", "ring")
@@ -36,7 +36,10 @@ MOVES = 4
 # Derived: a normal distribution between them is summed to 1e-7
 FINE = 24, 6.0                        # nodes of Gauss-Legendre between two corners; standard deviations to the last
 ROUGH = 12, 4.5                       # likewise, of each of many launches; to 1e-4
+COARSE = 5, 0.0                       # by Gauss-Hermite instead, of each of very many beliefs; to 0.01
+MEANS = 97                            # places along, between which the chance of a shot that grazes the rim is straight
 STEP = 1e-5                           # of differences, in m, and of the board's bounce
+LEAST_WEIGHT = 1e-10                  # of a node
 BISECTIONS = 40
 # Of a shot whose flight is not yet known: as steep, and as far to the side
 USUAL_PLANE = (0.0, 0.0, 0.0, 0.0, 2.5, 3.5, 0.6, 0.6, 0.0)
@@ -63,7 +66,7 @@ class GroundOutcomes:
     across_m: Float[Array, "n 2"]
     change: Float[Array, "n 4"]
     nodes: Nodes | None = None
-    moves, axes = MOVES, 2
+    moves, axes, quantity = MOVES, 2, "where the ball comes down, along"
 
     @property
     def height_m(self) -> Float[Array, " n"]:
@@ -76,9 +79,7 @@ class GroundOutcomes:
     @property
     def worth(self) -> Float[Array, " 6"]:
         """Points of each of CELLS."""
-        hit = POINTS_TWO if isinstance(self.target.points, UnsetType) else self.target.points
-        ring = hit if isinstance(self.target.ring, UnsetType) else self.target.ring.points
-        return np.array([0.0, 0.0, 0.0, 0.0, hit, ring])
+        return np.array([0.0, 0.0, 0.0, 0.0, *self.target.worth])
 
     def take(self, index: Int[Array, " k"] | Bool[Array, " n"]) -> "GroundOutcomes":
         rows = np.arange(len(self.classes))[index]
@@ -129,12 +130,14 @@ class GroundOutcomes:
     def log_likelihood(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
         return np.asarray(np.log(_with_lapses(self.share(mean_m, spread_m))))
 
-    def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
+    def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"],
+                               asked: Bool[Array, " 4"] | None = None
                                ) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, "n 6 6"]]:
         cells, by_mean, by_log, by_across, by_log_across = self._cells_by(mean_m, spread_m, True)
-        each = [by_mean, by_log, self._difference(0, mean_m, spread_m), by_across, by_log_across,
-                np.zeros_like(cells) if isinstance(self.target.backboard, UnsetType)
-                else self._difference(BOUNCE, mean_m, spread_m)]
+        board = not isinstance(self.target.backboard, UnsetType)
+        wider, by_bounce = (self._difference(number, mean_m, spread_m) if there and (asked is None or asked[number])
+                            else np.zeros_like(cells) for number, there in ((0, True), (BOUNCE, board)))
+        each = [by_mean, by_log, wider, by_across, by_log_across, by_bounce]
         seen = _with_lapses((cells * self.allowed).sum(1))
         slopes = tuple((1.0 - LAPSE) * (by * self.allowed).sum(1) / seen for by in each)
         groups = self._told_apart()
@@ -155,14 +158,23 @@ class GroundOutcomes:
         return np.stack([*misses, *([each[HIT], each[RING]] if self.target.three_half_height_m > 0.0
                                     else [each[HIT] + each[RING]])])
 
-    def class_chances(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 3"]:
+    def class_chances(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"],
+                      lapses: bool = True) -> Float[Array, "n 3"]:
         cells = self.cells(mean_m, spread_m)
-        return _with_lapses(np.stack([cells[:, :HIT].sum(1), cells[:, HIT], cells[:, RING]], axis=1))
+        clean = np.stack([cells[:, :HIT].sum(1), cells[:, HIT], cells[:, RING]], axis=1)
+        return _with_lapses(clean) if lapses else clean
 
     def chance(self, shot: int, mean_m: Any, spread_m: Any, change: Sequence[Any]) -> Any:
         mean, spread, *moved = np.broadcast_arrays(mean_m, spread_m, *change)
-        some = self.take(np.full(mean.size, shot)).moved(np.stack([part.ravel() for part in moved], axis=1))
-        return np.reshape(_with_lapses(some.share(mean.ravel(), spread.ravel())), mean.shape)
+        one = self.take(np.array([shot]))
+        if one.nodes is not None:     # with the middle of spreads and of the further numbers
+            places = np.linspace(mean.min(), mean.max(), MEANS)
+            middle = one.moved(np.array([[float(np.median(part)) for part in moved]])).take(np.zeros(MEANS, dtype=int))
+            shares = middle.share(places, np.full(MEANS, np.median(spread)))
+            return np.reshape(_with_lapses(np.interp(mean.ravel(), places, shares)), mean.shape)
+        some = one.take(np.zeros(mean.size, dtype=int)).moved(np.stack([part.ravel() for part in moved], axis=1))
+        cells = _cells(some, mean.ravel(), spread.ravel(), False, *COARSE)[0]
+        return np.reshape(_with_lapses((cells * some.allowed).sum(1) / cells.sum(1)), mean.shape)
 
     def hit_chance(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
         cells = self.cells(mean_m, spread_m)
@@ -171,6 +183,10 @@ class GroundOutcomes:
     def centred(self, mean_m: Float[Array, " n"]) -> Float[Array, " n"]:
         """Return the middle between the nearest and the farthest place where a ball goes in."""
         return np.asarray(0.5 * clearance(self.target, self.radius_m, _angle(self.plane)))
+
+    def beside(self, spread_m: Float[Array, " n"], aside: Float[Array, " n"]) -> Float[Array, " n"]:
+        middle, sign = self.centred(spread_m), np.sign(aside)
+        return np.asarray(middle + sign * (self.target.half_sizes_m[0] - middle) + (aside - 2.0 * sign) * spread_m)
 
     def points_if_aimed(self, mean_m: Float[Array, " n"],
                         both: Sequence[tuple[Float[Array, " n"], Float[Array, " n"]]]) -> Float[Array, " n"]:
@@ -222,19 +238,28 @@ def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Arr
     spread = seen.across_m[:, 1] * np.exp(np.clip(seen.change[:, ACROSS_SPREAD], -2.0, 2.0))
     wider = np.maximum(seen.plane[:, 3] - seen.target.two_half_height_m + seen.change[:, 0],
                        -min(seen.target.half_sizes_m))               # no opening is smaller than nothing
-    y, weight, end = _across(seen, wider, middle, spread, nodes, tails)
-    short, long, hit, ring = _by_place(seen, wider, y, mean_m[:, None], spread_m[:, None], by)
+    every, weights, end = _across(seen, wider, middle, spread, nodes, tails)
+    row, column = np.nonzero(weights > LEAST_WEIGHT)                 # of most shots few nodes count
+    y, weight = every[row, column], weights[row, column]
+    one = replace(seen, nodes=None).take(row)
+    short, long, hit, ring = (part[..., 0] for part in _by_place(
+        one, wider[row], y[:, None], mean_m[row][:, None], spread_m[row][:, None], by))
     cells = np.zeros((5 if by else 1, len(mean_m), len(CELLS)))
     places = (SHORT, short), (LONG, long), (HIT, hit - ring), (RING, ring)
+
+    def total(each: Float[Array, " k"]) -> Float[Array, " n"]:
+        return np.bincount(row, each, len(mean_m))
+
     for cell, chance in places:
-        cells[:3, :, cell] = (weight * chance).sum(2)
+        for number, part in enumerate(chance):
+            cells[number, :, cell] = total(weight * part)
     z = np.stack([middle - end, -middle - end]) / spread             # beyond the left and the right end
     cells[0, :, LEFT], cells[0, :, RIGHT] = ndtr(z)
     if by:
-        off = (y - middle[:, None]) / spread[:, None]
+        off = (y - middle[row]) / spread[row]
         for cell, chance in places:
-            cells[3, :, cell] = (weight * off * chance[0]).sum(1) / spread
-            cells[4, :, cell] = (weight * (off**2 - 1.0) * chance[0]).sum(1)
+            cells[3, :, cell] = total(weight * off * chance[0]) / spread
+            cells[4, :, cell] = total(weight * (off**2 - 1.0) * chance[0])
         density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
         cells[3, :, LEFT], cells[3, :, RIGHT] = density * np.array([[1.0], [-1.0]]) / spread
         cells[4, :, LEFT], cells[4, :, RIGHT] = -z * density
@@ -244,10 +269,15 @@ def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Arr
 def _across(seen: GroundOutcomes, wider_m: Float[Array, " n"], middle_m: Float[Array, " n"],
             spread_m: Float[Array, " n"], nodes: int, tails: float
             ) -> tuple[Float[Array, "n q"], Float[Array, "n q"], Float[Array, " n"]]:
-    """(places across, their weights, half the opening's width): nodes between its corners, where balls come down."""
+    """(places across, their weights, half the opening's width): nodes between its corners, where balls come down; about
+    the mean, where there are no tails."""
     target = seen.target
-    x, w = np.polynomial.legendre.leggauss(nodes)
     end = target.half_sizes_m[1] + wider_m * _reach_across(target)
+    if not tails:
+        x, w = _hermite(nodes)
+        y = middle_m[:, None] + spread_m[:, None] * x
+        return y, np.where(np.abs(y) <= end[:, None], w / w.sum(), 0.0), end
+    x, w = _legendre(nodes)
     low, high = middle_m - tails * spread_m, middle_m + tails * spread_m
     corners = np.array(_corners(target)) * end[:, None]
     if target.three_half_height_m > 0.0:
@@ -270,6 +300,9 @@ def _across(seen: GroundOutcomes, wider_m: Float[Array, " n"], middle_m: Float[A
     z = (y - middle_m[:, None]) / spread_m[:, None]
     weight = np.concatenate(weights, axis=1) * np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * spread_m[:, None])
     return y, weight, end
+
+
+_legendre, _hermite = cache(np.polynomial.legendre.leggauss), cache(np.polynomial.hermite_e.hermegauss)
 
 
 def _reach_across(target: Target) -> float:

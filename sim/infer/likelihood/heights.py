@@ -39,7 +39,7 @@ class HeightOutcomes:
     borders: Float[Array, " 6"]
     sided: tuple[str, ...]
     slips: bool = True
-    moves, axes = 1, 1
+    moves, axes, quantity = 1, 1, "height at the target"
 
     @property
     def measured(self) -> Bool[Array, " n"]:
@@ -85,7 +85,8 @@ class HeightOutcomes:
         nats = np.logaddexp(density, np.log(LAPSE / SLIP_M))
         return nats, np.exp(density - nats), off
 
-    def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
+    def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"],
+                               asked: Bool[Array, " 1"] | None = None
                                ) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, "n 3 3"]]:
         return self.slopes(mean_m, spread_m), self.information(mean_m, spread_m)
 
@@ -113,10 +114,12 @@ class HeightOutcomes:
         measured[:, 0, 0], measured[:, 1, 1] = sound / wide, 2.0 * sound * (spread_m**2 / wide)**2
         return np.where(self.measured[:, None, None], measured, classed)
 
-    def class_chances(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 3"]:
+    def class_chances(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"],
+                      lapses: bool = True) -> Float[Array, "n 3"]:
         inside = [_within(edge, mean_m, spread_m) for edge in (self.borders[4], self.borders[3])]
         clean = np.stack([1.0 - inside[0], inside[0] - inside[1], inside[1]], axis=1)
-        return np.asarray((1.0 - LAPSE) * np.clip(clean, 0.0, 1.0) + LAPSE / 3.0)
+        clean = np.clip(clean, 0.0, 1.0)
+        return np.asarray((1.0 - LAPSE) * clean + LAPSE / 3.0 if lapses else clean)
 
     def _cells_of_classes(self) -> Float[Array, "k 5"]:
         """1 where a distinguishable outcome is what a height in that cell between two borders leads to."""
@@ -146,6 +149,9 @@ class HeightOutcomes:
 
     def centred(self, mean_m: Float[Array, " n"]) -> Float[Array, " n"]:
         return np.zeros_like(mean_m)
+
+    def beside(self, spread_m: Float[Array, " n"], aside: Float[Array, " n"]) -> Float[Array, " n"]:
+        return np.asarray(aside * spread_m)
 
     def points_if_aimed(self, mean_m: Float[Array, " n"],
                         both: Sequence[tuple[Float[Array, " n"], Float[Array, " n"]]]) -> Float[Array, " n"]:

@@ -234,8 +234,8 @@ def _point(layout: Layout, spot: Point) -> Float[Array, " P"]:
     return point
 
 
-def fly(intake: Intake, layout: Layout, spot: Point) -> Linearization:
-    """Fly all shots at the spot.
+def fly(intake: Intake, layout: Layout, spot: Point, grazing: bool = True) -> Linearization:
+    """Fly all shots at the spot; `grazing`: with nodes for those that hardly reach the rim.
 
     Slopes by inputs are those of a shot that deviates as all do on average: taken at the deviation that a track itself
     tells, they would go with that track's noise, and the score of what bends with a deviation would lean to one side.
@@ -246,18 +246,18 @@ def fly(intake: Intake, layout: Layout, spot: Point) -> Linearization:
     both = np.concatenate([inputs, deviates])
     if not spot.deviates.any():
         seen, slopes = _fly(intake, layout, spot, both)
-        return _linearization(intake, layout, spot, seen, slopes)
+        return _linearization(intake, layout, spot, seen, slopes, grazing)
     _, still = _fly(intake, layout, replace(spot, deviates=_common(spot.deviates)), inputs)
     seen, moving = _fly(intake, layout, spot, deviates)
     slopes = jax.tree.map(lambda a, b: np.concatenate([a, b], axis=-1), still, moving)
-    return _linearization(intake, layout, spot, seen, slopes)
+    return _linearization(intake, layout, spot, seen, slopes, grazing)
 
 
 def _linearization(intake: Intake, layout: Layout, spot: Point, seen: Prediction,
-                   slopes: Prediction) -> Linearization:
+                   slopes: Prediction, over_nodes: bool) -> Linearization:
     exits, tracks = multiply_out(intake, seen, slopes, spot.deviates)
     log_spread_by = _log_spread_by(intake, layout, spot, seen, slopes, exits)
-    if not layout.chain.plane or intake.seen.axes == 1:
+    if not layout.chain.plane or intake.seen.axes == 1 or not over_nodes:
         return Linearization(spot, seen, slopes, exits, tracks, log_spread_by)
     covariance = _given_exits(intake, layout, spot, exits)
     grazing = _grazing(intake, seen, slopes, covariance)

@@ -39,9 +39,12 @@ class Outcomes(Protocol):
 
     height_m [n]: the observable where it was measured itself (nan elsewhere), which beats the class. classes [n]: 0
     miss, 1 two, 2 three, nan not given. axes: how many coordinates of Prediction.plane scatter; the first is the
-    observable, the second lies across. moves: how many further numbers the borders depend on; the first is metres by
-    which all borders lie farther out. slips: a measured height may be one.
+    observable, which people call `quantity`, the second lies across. moves: how many further numbers the borders depend
+    on; the first is metres by which all borders lie farther out. slips: a measured height may be one.
     """
+
+    @property
+    def quantity(self) -> str: ...
 
     @property
     def moves(self) -> int: ...
@@ -80,13 +83,14 @@ class Outcomes(Protocol):
     def log_likelihood(self, mean_m: Numbers, spread_m: Numbers) -> Numbers:
         """Return the log-likelihood [n], for an observable normal(mean_m, spread_m)."""
 
-    def slopes_and_information(self, mean_m: Numbers,
-                               spread_m: Numbers) -> tuple[tuple[Numbers, ...], Float[Array, "n J J"]]:
+    def slopes_and_information(self, mean_m: Numbers, spread_m: Numbers, asked: Bool[Array, " moves"] | None = None
+                               ) -> tuple[tuple[Numbers, ...], Float[Array, "n J J"]]:
         """Return derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by the further numbers; and the
-        expected information on these, over all distinguishable outcomes."""
+        expected information on these, over all distinguishable outcomes. asked: of which further numbers they are
+        needed, by default of all; the others may be zero."""
 
-    def class_chances(self, mean_m: Numbers, spread_m: Numbers) -> Float[Array, "n 3"]:
-        """Return the probability [n, 3] of miss, two and three, including slips."""
+    def class_chances(self, mean_m: Numbers, spread_m: Numbers, lapses: bool = True) -> Float[Array, "n 3"]:
+        """Return the probability [n, 3] of miss, two and three, including slips; of the ball itself without lapses."""
 
     def chance(self, shot: int, mean_m: Any, spread_m: Any, change: Sequence[Any]) -> Any:
         """Return the likelihood of one shot's observation by many means, spreads and changes of the further numbers;
@@ -100,6 +104,10 @@ class Outcomes(Protocol):
 
     def centred(self, mean_m: Numbers) -> Numbers:
         """Return the means [n] of the same shots if they were aimed at the opening's middle."""
+
+    def beside(self, spread_m: Numbers, aside: Numbers) -> Numbers:
+        """Return the means [n] of shots aimed where outcomes tell most, low (aside < 0) or high: so many standard
+        deviations off the middle of an upright opening, two less off the edge of one that faces up."""
 
     def points_if_aimed(self, mean_m: Numbers, both: Sequence[tuple[Numbers, Numbers]]) -> Numbers:
         """Return expected points [n] of each shot aimed at the middle by the forecast mean_m, given what was seen of

@@ -290,7 +290,8 @@ def _with_plane(plane: PlaneScores, there: Seen, score: Float[Array, "n C"],
 def plane_terms(plane: PlaneScores, seen: Outcomes, mean_m: Float[Array, " m"],
                 spread_m: Float[Array, " m"]) -> tuple[Float[Array, "m C"], Float[Array, "m C C"]]:
     """Return score and expected information of the observations at the plane."""
-    (by_mean, by_log, *by_move), information = seen.slopes_and_information(mean_m, spread_m)
+    (by_mean, by_log, *by_move), information = seen.slopes_and_information(mean_m, spread_m,
+                                                                           np.asarray(plane.moved_by.any((0, 2))))
     score = by_mean[:, None] * plane.by_column + by_log[:, None] * plane.log_spread_by
     for number, by in enumerate(by_move):
         score = score + by[:, None] * plane.moved_by[:, number]

@@ -82,9 +82,11 @@ def test_lead_and_time_of_flight_are_those_of_dop853() -> None:
     found = solve_ivp(rate, (0.0, 5.0), start, "DOP853", events=there, rtol=1e-9, atol=1e-9)
     drift_m = found.y[1, -1]
     assert drift_m > 0.05
-    side_m, flight_s = flown(GUPPY, belief, *at)
+    _, side_m, flight_s, angle_rad = flown(GUPPY, belief, *at)
     assert flight_s[0] == pytest.approx(found.t_events[0][0], abs=1e-4)
     assert side_m[0] == pytest.approx(drift_m, abs=2e-4)
+    ahead, _, up = found.y[3:6, -1]
+    assert angle_rad[0] == pytest.approx(math.atan2(-up, ahead), abs=1e-3)
 
 
 def test_what_errors_cost_and_the_band_that_scores(table: ta.AimTable) -> None:

@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 
 import truearc as ta
-from tests.sim.infer.hubs import CD, HUB, LOSS, RIG, make_shots
+from tests.sim.infer.hubs import CD, CL, HUB, LOSS, RIG, make_shots
 from truearc.errors import InputError
-from truearc.sim.check.check import check_plausible
+from truearc.sim.discover.investigate import score_since
+from truearc.sim.infer.belief import Belief
 
+BELIEF = Belief({"drag": {"cd": CD}, "magnus": {"cl": CL}, "exit_efficiency": {"loss": LOSS}},
+                {"speed": 0.015, "elevation_deg": 0.45},
+                ("drag.cd", "magnus.cl", "exit_efficiency.loss", "scatter.speed", "scatter.elevation_deg"),
+                np.diag(np.array([0.05, 0.003, 0.01, 0.2, 0.3])**2))
 BELIEVED = ("gravity", "drag", "magnus", "exit_efficiency")
 
 
@@ -22,13 +27,14 @@ def test_fit_of_shots_at_a_hub_finds_the_launcher(fitted: ta.Fit) -> None:
     for name, truth in (("drag.cd", CD), ("exit_efficiency.loss", LOSS)):
         value, low, high = rows[name]
         assert low - 0.5 * (high - low) < truth < high + 0.5 * (high - low), (name, value)
+    assert "where a ball comes down at" in str(fitted) and "the height at" not in str(fitted)
     assert fitted.holdout is not None and fitted.holdout.accuracy > 0.7
 
 
 def test_predictions_say_where_balls_come_down(fitted: ta.Fit) -> None:
     later = make_shots(2, 60)
     table = ta.predict(later, fitted.belief)
-    assert table.columns == ("shot_id", "along_m", "across_m", "angle_deg", "outcome", "side", "note")
+    assert table.columns == ("shot_id", "along_m", "across_m", "angle_deg", "outcome", "side", "p_hit", "note")
     said = [row[4] for row in table.rows]
     assert set(said) <= {"hit", "miss"}
     seen = np.array([HUB.word(word) for word in later.shots.text("outcome")])
@@ -41,9 +47,32 @@ def test_discovery_reads_shots_at_a_hub() -> None:
     assert "120 shots, level L0" in "\n".join(found.lines())
 
 
-def test_commands_for_upright_openings_say_so(fitted: ta.Fit) -> None:
-    assert check_plausible(fitted.dataset).accepted == ()
-    for command in (lambda: ta.aim(fitted.belief, RIG), lambda: ta.train_gate(fitted.dataset, fitted.belief),
-                    lambda: ta.follow(fitted.dataset, fitted.belief), lambda: ta.identifiability(RIG)):
-        with pytest.raises(InputError, match=r"target\.facing: is up"):
-            command()
+def test_gate_and_the_papers_method_are_refused() -> None:
+    shots = make_shots(4, 20)
+    with pytest.raises(InputError, match=r"target\.facing: is up"):
+        ta.train_gate(shots, BELIEF)
+
+
+def test_follow_tells_a_steeper_launch_from_no_change() -> None:
+    steady, changed = (ta.follow(make_shots(7, 24, angle_deg=angle), BELIEF) for angle in (0.0, 6.0))
+    assert steady.alarm is None and max(steady.e_values) < 10.0
+    assert changed.alarm is not None and changed.alarm < 20
+
+
+def test_chances_for_very_many_beliefs_are_near_the_exact_ones() -> None:
+    plane = score_since(make_shots(7, 40), BELIEF).plane
+    assert plane is not None
+    rng, grazing = np.random.default_rng(0), set() if plane.seen.nodes is None else {*plane.seen.nodes.rows.tolist()}
+    for shot in sorted({*range(len(plane.rows))} - grazing):
+        mean_m = plane.mean_m[shot] + rng.normal(0.0, 0.3, 30)
+        spread_m = plane.spread_m[shot] * np.exp(rng.normal(0.0, 0.2, 30))
+        moved = [rng.normal(0.0, sd, 30) for sd in (0.02, 0.1, 0.1, 0.0)]
+        exact = plane.seen.take(np.full(30, shot)).moved(np.stack(moved, axis=1)).share(mean_m, spread_m)
+        assert np.abs(plane.seen.chance(shot, mean_m, spread_m, moved) - exact).max() < 0.01
+
+
+@pytest.mark.slow
+def test_hub_shows_a_loss_of_speed_and_a_wrong_rim() -> None:
+    sight = ta.identifiability(RIG, believe=BELIEVED[:3], shots=200)
+    found = {one.term: one for one in sight.sight.terms}
+    assert found["exit_efficiency"].information > 0.0 and found["rim_catch"].power > 0.0
