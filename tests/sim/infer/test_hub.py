@@ -21,6 +21,7 @@ def fitted() -> ta.Fit:
     return ta.fit(make_shots(1, 150), terms=BELIEVED[1:])
 
 
+@pytest.mark.slow
 def test_fit_of_shots_at_a_hub_finds_the_launcher(fitted: ta.Fit) -> None:
     assert fitted.converged and not fitted.dataset.accepted
     rows = {row[0]: row[1:4] for row in fitted.table().rows}
@@ -31,6 +32,7 @@ def test_fit_of_shots_at_a_hub_finds_the_launcher(fitted: ta.Fit) -> None:
     assert fitted.holdout is not None and fitted.holdout.accuracy > 0.7
 
 
+@pytest.mark.slow
 def test_predictions_say_where_balls_come_down(fitted: ta.Fit) -> None:
     later = make_shots(2, 60)
     table = ta.predict(later, fitted.belief)
