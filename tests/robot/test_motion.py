@@ -12,8 +12,6 @@ from copy import copy, deepcopy
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from tests.robot.alike import codes
@@ -25,13 +23,12 @@ from truearc.hw.devices.odrive.frames import CLOSED_LOOP
 from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot import reasons as because
-from truearc.robot.config.schema import Config, PidGains, Prescribed, config_hash
-from truearc.robot.control import step_pid
+from truearc.robot.config.schema import Config, Prescribed, config_hash
 from truearc.robot.motion import RECOVER_NS
 from truearc.robot.motors import elevation_from_screw_deg, elevation_per_rad, screw_rad, screw_travel_rad
 from truearc.robot.operator_ui.view import tell
 from truearc.robot.tick import step
-from truearc.robot.types import Inputs, Memory, Pid, Sighting, Tick
+from truearc.robot.types import Inputs, Memory, Sighting, Tick
 
 TICK_S = 0.005
 SET_RAD_S, HOOD_DEG, PLACE_M = 358.0, 45.0, 5.0
@@ -49,7 +46,7 @@ class Launcher:
         self.wheel_rad_s = self.wheel_rad = self.hood_rad_s = 0.0
         self.screw_rad = screw_rad(hood_deg, config.hood) if hood_deg else 0.5 * screw_travel_rad(config.hood)
         self.start_rad = self.screw_rad
-        self.jammed = False
+        self.jammed, self.stop_rad = False, 0.0
         self.seen = True
         self.spoil: Callable[[Inputs], Inputs] = lambda inputs: inputs
         self.faults: tuple[Reason, ...] = ()
@@ -118,7 +115,7 @@ class Launcher:
             return
         self.hood_rad_s, turned = _turn(self.hood_rad_s, command.hood_torque_nm, HOOD_NM, self.hood_kg_m2)
         wanted = self.screw_rad + turned
-        self.screw_rad = min(max(wanted, 0.0), screw_travel_rad(self.config.hood))
+        self.screw_rad = min(max(wanted, self.stop_rad), screw_travel_rad(self.config.hood))
         self.hood_rad_s = self.hood_rad_s if wanted == self.screw_rad else 0.0
 
 
@@ -528,6 +525,27 @@ def test_homing_ends_where_the_switch_never_closes_and_waits_for_one_that_never_
     assert because.AXIS_RELEASED.name in codes(tick.verdict.reasons)
 
 
+@pytest.mark.parametrize("hood_kg_m2", [HOOD_KG_M2, 2.0 * HOOD_KG_M2])
+def test_a_switch_that_answers_every_50_ms_homes_a_hood_that_coasts(hood_kg_m2: float) -> None:
+    """From the first answer that says closed on nothing drives the hood, which the second one then homes."""
+    launcher, answers = Launcher(hood_kg_m2=hood_kg_m2), list[MotorReading]()
+
+    def answered(inputs: Inputs) -> Inputs:
+        motor = inputs.hood_motor
+        if not answers or motor.endstop_t_ns - answers[-1].endstop_t_ns >= 50_000_000:
+            answers.append(replace(motor, endstop=launcher.hood_deg <= AIMED.hood.low_deg))
+        return replace(inputs, hood_motor=replace(motor, endstop=answers[-1].endstop,
+                                                  endstop_t_ns=answers[-1].endstop_t_ns))
+
+    launcher.spoil, launcher.stop_rad = answered, -20.0
+    launcher.arm(after_s=0.2)
+    while not launcher.memory.homed and launcher.t_s < 30.0:
+        tick = launcher.run(TICK_S)
+        assert tick.command.hood_torque_nm == 0.0 or launcher.memory.homed or not answers[-1].endstop
+    assert launcher.memory.homed and not latched(launcher)
+    assert AIMED.hood.low_deg - 1.0 < launcher.hood_deg < AIMED.hood.low_deg
+
+
 def test_a_switch_that_stays_closed_is_told_once_the_hood_has_left_it() -> None:
     config = replace(AIMED, hood=replace(AIMED.hood, crosscheck_deg=15.0))
     launcher = running(config)
@@ -560,52 +578,3 @@ def test_devices_that_are_not_under_control_yet_get_no_torque_and_stay_enabled()
     launcher.spoil = lambda inputs: inputs
     launcher.run(3.0)
     assert abs(launcher.wheel_rad_s - SET_RAD_S) < 5.0
-
-
-DT = 0.005
-
-
-def gains(kp=0.0, ki=0.0, kd=0.0, tau=0.0, limit=10.0):
-    return PidGains(kp=kp, ki=ki, kd=kd, derivative_tau_s=tau, integral_limit=limit, output_low=-1.0, output_high=1.0)
-
-
-def test_first_order_plants_settle_where_algebra_says():
-    # dx/dt = u - x with u = kp (r - x): x -> kp/(1+kp) r
-    pid, x = Pid(), 0.0
-    for _ in range(4000):
-        u, pid = step_pid(gains(kp=4.0), pid, 0.5, x, 0.0, -10.0, 10.0, DT)
-        x += DT * (u - x)
-    assert math.isclose(x, 0.5 * 4.0 / 5.0, rel_tol=1e-6)
-    pid, x = Pid(), 0.0
-    for _ in range(8000):
-        u, pid = step_pid(gains(kp=2.0, ki=1.0), pid, 0.5, x, 0.0, -10.0, 10.0, DT)
-        x += DT * (u - x)
-    assert math.isclose(x, 0.5, abs_tol=1e-6)
-
-
-def test_the_derivative_is_filtered_and_has_no_kick():
-    _, pid = step_pid(gains(kd=1.0), Pid(), 0.0, 1.0, 0.0, -10.0, 10.0, DT)
-    output, _ = step_pid(gains(kd=1.0), pid, 100.0, 1.0, 0.0, -10.0, 10.0, DT)
-    assert output == 0.0
-    pid, tau, x = Pid(), 0.05, 0.0
-    _, pid = step_pid(gains(tau=tau), pid, 0.0, x, 0.0, -1.0, 1.0, DT)
-    for _ in range(round(tau / DT)):
-        x += 3.0 * DT
-        _, pid = step_pid(gains(tau=tau), pid, 0.0, x, 0.0, -1.0, 1.0, DT)
-    assert math.isclose(pid.rate / 3.0, 1.0 - math.exp(-1.0), abs_tol=0.03)
-
-
-def test_the_integral_does_not_wind_up_while_the_output_is_clamped():
-    pid = Pid()
-    for _ in range(2000):
-        output, pid = step_pid(gains(kp=1.0, ki=1.0), pid, 10.0, 0.0, 0.0, -1.0, 1.0, DT)
-        assert output == 1.0
-    assert pid.integral == 0.0
-
-
-@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-5, 5), st.floats(-5, 0), st.floats(0, 5))
-def test_the_output_never_leaves_its_limits(setpoint, measurement, feedforward, low, high):
-    output, pid = step_pid(gains(kp=3.0, ki=2.0, kd=0.1, tau=0.01, limit=0.4), Pid(0.2, 0.0, 0.0, True), setpoint,
-                           measurement, feedforward, low, high, DT)
-    assert low <= output <= high
-    assert abs(pid.integral) <= 0.4
