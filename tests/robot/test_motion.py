@@ -525,8 +525,8 @@ def test_homing_ends_where_the_switch_never_closes_and_waits_for_one_that_never_
     assert because.AXIS_RELEASED.name in codes(tick.verdict.reasons)
 
 
-@pytest.mark.parametrize("hood_kg_m2", [HOOD_KG_M2, 2.0 * HOOD_KG_M2])
-def test_a_switch_that_answers_every_50_ms_homes_a_hood_that_coasts(hood_kg_m2: float) -> None:
+@pytest.mark.parametrize(("hood_kg_m2", "past_deg"), [(HOOD_KG_M2, 1.0), (2.0 * HOOD_KG_M2, 1.5)])
+def test_a_switch_that_answers_every_50_ms_homes_a_hood_that_coasts(hood_kg_m2: float, past_deg: float) -> None:
     """From the first answer that says closed on nothing drives the hood, which the second one then homes."""
     launcher, answers = Launcher(hood_kg_m2=hood_kg_m2), list[MotorReading]()
 
@@ -543,7 +543,7 @@ def test_a_switch_that_answers_every_50_ms_homes_a_hood_that_coasts(hood_kg_m2: 
         tick = launcher.run(TICK_S)
         assert tick.command.hood_torque_nm == 0.0 or launcher.memory.homed or not answers[-1].endstop
     assert launcher.memory.homed and not latched(launcher)
-    assert AIMED.hood.low_deg - 1.0 < launcher.hood_deg < AIMED.hood.low_deg
+    assert AIMED.hood.low_deg - past_deg < launcher.hood_deg < AIMED.hood.low_deg
 
 
 def test_a_switch_that_stays_closed_is_told_once_the_hood_has_left_it() -> None:
