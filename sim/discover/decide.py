@@ -144,7 +144,7 @@ class Search:
     def ask(self, fitted: LauncherFit) -> Asked:
         """Return all tests of the fit, with the misfit of the reference session subtracted."""
         home = None if self.home is None else self.home.among(fitted)
-        return ask_everything(fitted.scores, self.covariates, self.factors, self.shots, self.seed, home)
+        return ask_everything(fitted.scores, self.covariates, self.factors, self.shots, home)
 
     def left(self, fitted: LauncherFit) -> tuple[Asked, Judged] | None:
         """Return all tests and their judgement if anything remains beside the effects already found; else None."""

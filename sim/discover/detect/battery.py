@@ -334,7 +334,7 @@ class Asked:
 
 
 def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor], shots: int,
-                   seed: int, home: ReferenceSession | None = None) -> Asked:
+                   home: ReferenceSession | None = None) -> Asked:
     """Return all tests that the `shots` of the dataset allow, except along a factor whose groups have random
     effects.
 
@@ -345,7 +345,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
     grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
     shapes = [SAME_SHAPE, *(shape for one in covariates for shape in functions.number_shapes(one, look)),
               *(shape for one in factors if one.name != grouped for shape in functions.group_shapes(one, look))]
-    pairs = functions.pair_shapes(covariates, look, seed)
+    pairs = functions.pair_shapes(covariates, look)
     tests: list[Test] = []
     parts: list[Scores] = []
 

@@ -241,13 +241,14 @@ def group_shapes(factor: Factor, look: Look) -> list[WeightFunction]:
     return found
 
 
-def pair_shapes(covariates: Sequence[Covariate], look: Look, seed: int) -> list[WeightFunction]:
+def pair_shapes(covariates: Sequence[Covariate], look: Look) -> list[WeightFunction]:
     """Return centred shapes over the plane of every two covariates: their product and, over some planes, a random wave
-    (random Fourier features of a Gaussian kernel), so that any joint effect leaves a trace."""
+    (random Fourier features of a Gaussian kernel), so that any joint effect leaves a trace. The waves are always the
+    same: of few shots, one in hundreds of waves may be all that can be tested."""
     placed = [(one, _place_in(look.at(one))) for one in covariates if varies(look.at(one))]
     pairs = [_Plane(*first, *second) for first, second in itertools.combinations(placed, 2)]
     shapes = [pair.shape("product", look, _product) for pair in pairs]
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     for pair in [pairs[k] for k in rng.integers(0, len(pairs), WAVES)] if pairs else ():
         turn, phase = rng.normal(size=2) / WAVE_LENGTH, rng.uniform(0.0, 2.0 * np.pi)
         shapes.append(pair.shape("wave", look, partial(_wave, turn, phase)))

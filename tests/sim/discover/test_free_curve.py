@@ -109,7 +109,7 @@ def test_shapes_have_the_units_of_the_session_that_is_asked_wherever_they_are_la
     there = np.array([7.0, np.nan, 3.0])
     away = cov.Look(3, lambda what: np.array([1, -1, 0]) if isinstance(what, cov.Factor) else
                 there if what.name == "x" else np.array([0.5, 0.5, np.nan]))
-    shapes = cov.number_shapes(one, own) + cov.group_shapes(rig, own) + cov.pair_shapes([one, other], own, 1)
+    shapes = cov.number_shapes(one, own) + cov.group_shapes(rig, own) + cov.pair_shapes([one, other], own)
     found = dict(zip([shape.name for shape in shapes], cov.weights_of(shapes, away).T, strict=True))
     scaled = (there - x.mean()) / x.std()
     assert np.allclose(found["straight"], np.nan_to_num(scaled))

@@ -136,9 +136,9 @@ def test_pieces_spread_as_the_error_that_was_stated(pull: float) -> None:
 LEFT = {"wind_z.speed_m_s": 0.4, "spin_decay.rate_per_s": -0.3}
 
 
-def asked(later: LauncherFit, home: LauncherFit | None, seed: int = 0) -> bat.Asked:
+def asked(later: LauncherFit, home: LauncherFit | None) -> bat.Asked:
     beside = None if home is None else bat.ReferenceSession(home, {})
-    return bat.ask_everything(later.scores, (), (), len(later.scores.rows), seed, beside)
+    return bat.ask_everything(later.scores, (), (), len(later.scores.rows), beside)
 
 
 def test_what_is_left_over_in_both_sessions_is_no_change() -> None:

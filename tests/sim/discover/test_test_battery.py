@@ -187,7 +187,7 @@ def judged_asked(asked: bat.Asked, seed: int = 0) -> bat.Judged:
 
 
 def asked_of(evidence: ScoreTable, factors: tuple[Factor, ...] = ()) -> bat.Asked:
-    return bat.ask_everything(evidence, covariates(), factors, N, 3)
+    return bat.ask_everything(evidence, covariates(), factors, N)
 
 
 def test_terms_are_asked_once_and_free_changes_over_every_shape() -> None:
