@@ -31,7 +31,7 @@ from truearc.robot.recording import session as layout
 PENDING_BYTES = 64 << 20              # kept for a disk that takes nothing: some ten minutes of ticks
 # Full, over its quota, read-only, or broken: a disk's own troubles, which may end; others are a wrong path.
 DISK_ERRNOS = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EROFS", "EIO") if hasattr(errno, name))
-_LINE = re.compile(r"\((\d+)\.(\d{6})\) [!-~]+ ([0-9A-F]{3}|[0-9A-F]{8})#(R[1-8]?|(?:[0-9A-F]{2}){0,64}) ([RT])\n")
+_LINE = re.compile(r"\((\d{1,10})\.(\d{6})\) [!-~]+ ([0-9A-F]{3}|[0-9A-F]{8})#(R[1-8]?|(?:[0-9A-F]{2}){0,64}) ([RT])\n")
 PNG, PNG_SIZE_AT = b"\x89PNG\r\n\x1a\n", 16
 MOST_PIXELS = 1 << 25                 # of an image, 100 MB; no camera's frame has as many
 AGAIN = 10                            # a folder that found no room is tried again at every tenth need of it: a second

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import can
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.robot.good_tick import CONFIG
@@ -93,6 +93,7 @@ def test_a_line_says_all_of_a_frame(frame, sent, t_us):
 
 
 @given(text=st.text(max_size=60))
+@example(text=f"({'1' * 5001}.000000) can0 123#00 R\n")          # more digits than int takes
 def test_any_other_line_is_none(text):
     assert parse_candump(text) is None
 
