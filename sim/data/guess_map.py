@@ -19,7 +19,7 @@ from truearc.robot.config.shot_map import OutcomeKeys, ShotMap, Signal, TimeColu
 from truearc.robot.config.units import MOTOR, own_unit
 from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Floats
-from truearc.sim.data.log import TIME, Log, Series, state_or_pulse
+from truearc.sim.data.log import TIME, Log, Series, spikes, state_or_pulse
 from truearc.sim.data.mapped_shots import PLACE, SECONDS, SPEED, Reading, outcome_text, times
 from truearc.sim.data.table import SAID_OF_SHOTS, SERVO, SPELLINGS, RawTable, is_shot_column, parse_number, read_as
 
@@ -107,8 +107,10 @@ def unit_seen(series: Series, column: str) -> str:
 
 
 def _top(series: Series) -> float:
-    values = np.abs(np.asarray(series.values, dtype=float))
-    return float(values[np.isfinite(values)].max(initial=0.0))
+    """The largest magnitude that is no single wild sample."""
+    values = np.asarray(series.values, dtype=float)
+    values = np.abs(values[np.isfinite(values)])
+    return float(values[~spikes(values)].max(initial=0.0))
 
 
 def time_column(table: RawTable) -> TimeColumn | None:

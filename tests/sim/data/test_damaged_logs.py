@@ -181,6 +181,18 @@ def test_a_part_that_was_not_logged_is_said(tmp_path: Path) -> None:
                for line in dataset.left_out)
 
 
+def test_a_wild_sample_of_the_set_point_hides_neither_it_nor_a_shot(tmp_path: Path) -> None:
+    """Without a map, the set point is the signal that is as large as the speed."""
+    path = tmp_path / "log.csv"
+    wanted = {step: 400.0 if step * 0.02 < END_S - 1.6 else 0.0 for step in range(int(END_S * 50))} | {60: 2.2e7}
+    path.write_text("Timestamp,FlywheelVelocityRadPerSec,FlywheelSetpointRadPerSec,DistanceMeters,HoodDegrees\n"
+                    + "".join(f"{step * 0.02:.2f},{speed_at(step * 0.02)},{point},3.0,50.0\n"
+                              for step, point in wanted.items()), encoding="utf-8")
+    dataset = import_shots([path], rig=FACTS)
+    assert len(dataset.shots) == 3
+    assert "log.csv: FlywheelSetpointRadPerSec: samples far above both neighbours: 1" in dataset.left_out
+
+
 def test_rows_in_the_place_of_others_are_said(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     times = [0.1 * k for k in range(50)]
