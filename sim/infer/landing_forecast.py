@@ -1,9 +1,9 @@
 """Forecasts of where balls come down at an opening that faces up, made from a belief before the shot.
 
 The miss along and the miss across are normal, to first order, by what scatters from shot to shot, by the sensors'
-noise and by what the belief leaves open; slopes are those of the fit. With nodes, shots that hardly reach the rim are
-mixtures over flown launches, as in the likelihood; without them they count as the first order has them, whose spread
-grows beyond bounds there, so that no aim comes to lie near them.
+noise and by the uncertainty of the belief; slopes are those of the fit. With nodes, shots that barely reach the rim are
+mixtures over simulated launches, as in the likelihood. Without nodes, the first order applies to them, too; its spread
+diverges there, so that `aim` avoids such shots.
 """
 
 from dataclasses import replace
@@ -47,9 +47,9 @@ def forecast_landings(rig: Rig, belief: Belief, shots: Shots, *, led: bool = Fal
     Args:
         rig: Launcher, sensors' noise, and a target that faces up.
         belief: Coefficients, scatter and covariance; without a scatter, the usual one counts.
-        shots: Settings; what else they say is not read.
+        shots: Settings; other columns are ignored.
         led: The robot aims beside the target by the drift, so that the mean miss across is none.
-        nodes: Fly launches of shots that hardly reach the rim.
+        nodes: Simulate launches of shots that barely reach the rim.
         wider: Times the spread.
     """
     settings = replace(shots, texts={"outcome": ("miss",) * len(shots)})

@@ -39,8 +39,9 @@ class Outcomes(Protocol):
 
     height_m [n]: the observable where it was measured itself (nan elsewhere), which beats the class. classes [n]: 0
     miss, 1 two, 2 three, nan not given. axes: how many coordinates of Prediction.plane scatter; the first is the
-    observable, which people call `quantity`, the second lies across. moves: how many further numbers the borders depend
-    on; the first is metres by which all borders lie farther out. slips: a measured height may be one.
+    observable, the second lies across. quantity: name of the observable in texts. moves: how many further numbers the
+    boundaries depend on; the first is metres by which all boundaries lie farther out. slips: a measured height may be
+    one.
     """
 
     @property

@@ -1,6 +1,5 @@
-"""One question, one answer: what changes nothing in real recordings changes neither names nor sizes.
-
-Rows in another order, another seed, and every other sample of a track.
+"""One question, one answer: the order of rows, the seed, and leaving out every other sample of a track change neither
+the names nor the sizes that are found in real recordings.
 """
 
 from collections.abc import Callable
