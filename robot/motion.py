@@ -65,7 +65,7 @@ SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms, an
 HOMING_TRAVEL, HOMING_TIMES = 1.1, 3.0            # times the whole travel, and the time that it takes at the limit
 SWITCH_OPEN_DEG = 3.0                 # above the switch it is open
 HOMING_PER_S = 6.0                    # homing's speed limit per degree left; measured: at 10 it ends too low, 3 sticks
-SWITCH_DEG = 0.45                     # homing pushes no further below the switch: the encoder is off, or the switch dead
+SWITCH_DEG = 0.45                     # homing pushes no further below the switch: the encoder is off or the switch dead
 LATCHING = frozenset((codes.ENCODER_STUCK.name, codes.ENCODER_MISMATCH.name, codes.SPEED_JUMPED.name))
 STALLS = frozenset((because.TICKS_STALLED.name, codes.DUPLICATE_ID.name))    # waiting frames look like another device's
 # What a hood's push begins with: a new one may not be as hard as one that has long moved nothing
