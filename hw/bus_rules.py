@@ -1,4 +1,4 @@
-"""The rules of a CAN bus: the frames that may be sent, their rates, and the owners of received frames.
+"""The rules of a CAN bus: the frames that may be sent, their rates, and the senders of received frames.
 
 `AllowedBus` refuses every frame that is not on the allow list. It does not depend on the sender, so a faulty controller
 cannot bypass it. `MonitoredBus` counts unknown frames, and reports a second host or two devices with the same id. A

@@ -1,4 +1,4 @@
-"""Conversion of trained weights of any kind to a stamped float32 ONNX graph."""
+"""Conversion of trained weights of any kind to a float32 ONNX graph with provenance and seal in its metadata."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""Checks of an exported gate and its agreement with its trainer, and its probabilities for the shots of a dataset."""
+"""Checks of an exported gate, including agreement with its trainer, and the gate's probabilities for a dataset."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

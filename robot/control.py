@@ -1,4 +1,4 @@
-"""Control, which turns Aim and Verdict into a Command: flywheel and hood loops, homing, one ball per feed request.
+"""Control, which turns Aim and Verdict into a Command: flywheel and hood loops, homing, and one ball per feed request.
 
 An axis that truearc.robot.motion has released is not enabled. An axis that is not yet under control gets no torque.
 """

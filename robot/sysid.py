@@ -1,8 +1,9 @@
 """System identification: the motion program for the flywheels and the hood, and one tick of it.
 
 The program consists of quasistatic ramps and dynamic steps, each followed by coasting to rest. The operator arms the
-motors once; any later button press releases them. Any fault permanently releases every motor. The tick is pure, like
-truearc.robot.tick, so a replay is exact. Its motion interlocks are those used for launching (truearc.robot.motion).
+motors once; any later button press releases them. Any fault releases every motor for the rest of the run. The tick is
+pure, like truearc.robot.tick, so a replay is exact. Its motion interlocks are those used for launching
+(truearc.robot.motion).
 """
 
 from collections.abc import Callable

@@ -1,10 +1,10 @@
 """The registry of all motor controller families, and the devices without frames of their own.
 
-The devices without frames are motors of another controller (driver "advisory", which are read but never commanded), a
-motor controller's encoder that serves as the hood's, and an absent hood encoder.
+These devices are motors driven by another controller (driver "advisory"; they are read but never commanded), a motor
+controller's encoder that serves as the hood encoder, and a hood encoder that is absent.
 
-A distribution registers its MotorFamily under its driver's name. The family is loaded before the first tick, when a
-configuration first names that driver:
+A family is loaded before the first tick, when a configuration first names its driver. A distribution registers its
+MotorFamily under the driver's name:
 
     [project.entry-points."truearc.motors"]
     samplemotor = "truearc_samplemotor:SAMPLEMOTOR"

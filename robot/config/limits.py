@@ -1,9 +1,10 @@
-"""Checks of launcher.toml: numbers out of range, contradictions between values, and rigs that no launcher can have.
+"""Checks of launcher.toml: numbers out of range, contradictions between values, and values that no launcher can have.
 
 `limits.toml` has the range of each number; the formats page lists these ranges. A bound is a number or a product of a
 number and keys, such as "2 / tick_hz" or "0.5 * hood.pid.output_high"; the narrowest of several bounds applies. A bound
 is ignored if it uses a key that the configuration lacks, or a key marked `?` whose value is 0. All other checks, such
-as the hood's screw angle and the density of the ball, are in this module. `load_config` refuses what they find.
+as those of the hood's screw angle and the ball's density, are in this module. `load_config` refuses a configuration
+that fails any check.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Units of columns and keys: their names at the ends of names, and the factors that convert them.
+"""Units of columns and keys: the endings of names that state them, and the factors that convert between units.
 
 `units.toml` lists the words that logs use for a unit. SI units and degrees are the units of a dataset's columns.
 """

@@ -1,9 +1,9 @@
-"""Upkeep of recorded sessions: recovery of truncated ones, and deletion of old data by the limits in [recording].
+"""Upkeep of recorded sessions: recovery of truncated ones, and deletion of old data beyond the limits in [recording].
 
 Recovery loses no complete record, and replaced files are kept in damaged/. When a limit is exceeded, the telemetry and
 images of the oldest sessions are deleted first; `session.json`, `config.json`, `trials.jsonl`, models and aim files are
 always kept, as are files that are not part of a recording. A folder beside that of the running session counts as a
-session if it has a session.json, or a damaged session.json and telemetry. Links are not followed.
+session if it has a valid session.json, or a damaged one together with telemetry. Links are not followed.
 """
 
 import contextlib

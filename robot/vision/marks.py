@@ -1,11 +1,12 @@
 """Detection of the tape in an image: regions of its colour, and its four marks to sub-pixel accuracy with covariance.
 
-The image must be exposed for tape under a ring light, so that all else is dark. A camera with automatic exposure
-brightens the room until the tape is white, and then its colours and edges are wrong. Since most of the image is dark,
-the colour is first searched for in every fourth row and column, and the full resolution is used only around matches.
+The image must be exposed for tape under a ring light, so that all else is dark. Automatic exposure brightens the
+picture of the room until the tape is white, and then the tape's colours and edges are wrong. Since most of the image is
+dark, the colour is first searched for in every fourth row and column, and the full resolution is used only around
+matches.
 
-The region's convex hull gives the corners to a pixel or two; the side without tape is the open top. Brightness is
-sampled at many places across each straight (a straight stretch of tape). In such a profile, the two points at half
+The region's convex hull gives the corners to within a pixel or two; the side without tape is the open top. Brightness
+is sampled at many places across each straight (a straight stretch of tape). In such a profile, the two points at half
 height are equally far from the middle of the tape, however blurred, bloomed or overexposed it is, and a line is fitted
 through their midpoints. Along the centre line, the point at half height marks the position of a cut end, because in
 linear light the strip and its missing continuation mirror each other there. With a tone curve, or where the brightness

@@ -1,7 +1,7 @@
 """The search for the set point with the most expected points at each distance.
 
-Among set points that are nearly equal, it chooses a smooth sequence over distance. The probability that a set point
-scores follows from the belief's forecast of the height at the target.
+Among set points that score nearly equally, it chooses a sequence that is smooth over distance. The probability that a
+set point scores follows from the belief's forecast of the height at the target.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,9 @@
 """Plausibility checks of a dataset before inference: wrong units, axes and angles, which a fit mistakes for physics.
 
-Data and rig are compared with all believable physics, as recorded and with each likely slip of slips.toml undone. A
-slip is refused, by the name of its check, if believable physics does not explain the data as recorded and explains them
-better by a factor of BETTER with the slip undone. Less is a warning.
+Data and rig are compared with all believable physics, first as recorded, and then with each likely slip that slips.toml
+lists undone. A dataset with a slip is refused, with the name of the slip's check, if believable physics does not
+explain the data as recorded but explains them better by a factor of BETTER with the slip undone. A smaller factor only
+causes a warning.
 """
 
 import math

@@ -8,7 +8,7 @@ is silent, the rule is:
     R3 < 80 % and R2 > 90 %                 -> two
     R2 < 75 %                               -> removed; but a third of the paper's data are misses, which this rule
                                                would exclude, so a configuration that never scores is a miss
-    75 % <= R2 <= 90 % and R3 < 80 %        -> unspecified: legitimate by the third rule, so two
+    75 % <= R2 <= 90 % and R3 < 80 %        -> unspecified: the line above does not remove it, so two
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,7 @@
-"""Tables of text cells, and typed columns read from them: names, units, ranges and permitted words.
+"""Tables read from CSV, Parquet and .xlsx files, and typed columns: names, units, ranges and permitted words.
 
-Cells come from CSV and Parquet files, and each row keeps its origin; all errors are collected, so that one run reports
-them together. A column such as `distance_ft`, `hood_rad` or `wheel_main_rpm` is converted to the expected unit and
-name.
+Each row keeps its origin; all errors are collected, so that one run reports them together. A column such as
+`distance_ft`, `hood_rad` or `wheel_main_rpm` is converted to the expected unit and name.
 """
 
 import csv

@@ -35,8 +35,8 @@ An unexplained effect is a free curve, which gives its size as a function of a c
 Between the knots, the curve is the natural cubic spline of discovery's own fit; beyond the outer knots, it is a
 straight line. Its points are also numbers of the belief: "curve.free_speed.0", "curve.free_speed.1", ...
 
-The room that a fit leaves for what its model gets wrong (truearc.sim.infer.room) is a sum of smooth curves, which are
-uncertain by the covariance like any number:
+The room that a fit leaves for what its model gets wrong (truearc.sim.infer.room) is a sum of smooth curves, whose
+uncertainty is in the covariance, like that of any number:
 
     [curve.free_speed]
     value = [0.002, ...]              # a constant, then SHAPES for each covariate
@@ -45,7 +45,8 @@ uncertain by the covariance like any number:
     distance_m = [1.9, 7.6]           # constant beyond this range
     hood_deg = [32.0, 64.0]
 
-Where shots tell balls apart, the belief states by how much these differ (standard deviations, of the speed as a share):
+If the shots tell balls apart, the belief states how much the balls differ, as standard deviations (that of the speed is
+a share of it):
 
     [balls]
     speed = 0.011

@@ -1,4 +1,4 @@
-"""Forecasts of the height at the plane, made from a belief before the shot, with all sources of uncertainty (JAX)."""
+"""JAX forecasts of the height at the plane, made from a belief before the shot, with all sources of uncertainty."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -2,8 +2,9 @@
 
 A cell is a block of grid points for one launch. Its flights are computed at 8 x 8 Chebyshev-Lobatto nodes. Between the
 nodes, the height at the plane is taken to be a polynomial if all nodes reach the plane and the last coefficients are
-small. Points whose height is too close to a bound of the target for that polynomial are marked to be simulated
-individually. Maps are indexed [cl, cd]. Functions compiled by numba work on the cells [first, last) of their arrays.
+small. Points whose height is so close to a bound of the target that the polynomial cannot settle their label are marked
+to be simulated individually. Maps are indexed [cl, cd]. Functions compiled by numba work on the cells [first, last) of
+their arrays.
 """
 
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,7 @@
-"""The paper's network, its training rows and their splits, and its measures: loss, accuracy and domain.
+"""The paper's network, its training rows and their splits, its loss and accuracy, and its domain.
 
-The network has three features, eight hidden nodes and two output probabilities, with a sigmoid after each layer. It is
-trained by truearc.sim.paper.train_many.
+The network has three input features, eight hidden nodes and two output probabilities, with a sigmoid after each layer.
+It is trained by truearc.sim.paper.train_many.
 """
 
 import hashlib

@@ -1,15 +1,15 @@
-"""The catalogue of hypotheses for fit, synth, discovery and the generic tests, in the order in which they act.
+"""The catalogue of hypotheses, in the order in which they act, for fit, synth, discovery and the generic tests.
 
 A Catalogue is passed as a value to all code that refers to terms. The default is catalogue(): the built-in terms and
-those of installed distributions. An entry point names a term, a term class, or an iterable of either; a file given by
-the user defines terms at module level:
+those of installed distributions. A file given by the user defines terms at module level; an entry point names a term, a
+term class, or an iterable of either:
 
     [project.entry-points."truearc.terms"]
     hood_flex = "truearc_hoodflex:HoodFlex"
 
 Every catalogue contains unexplained effects: fitted free changes of the launch, the distance or the flight. Each
 amplitude is multiplied by the circumstance stored under the term's name, which truearc.sim.infer.belief computes for
-every shot. Discovery does not test these effects as hypotheses. A curve's points are parameters, like a term's:
+every shot. Discovery does not test these effects as hypotheses. A curve's points are parameters, like those of a term:
 "curve.free_speed.0", ...
 """
 

@@ -1,13 +1,13 @@
 """Openings that face up: where the ball comes down through the plane of the rim, and whether it goes in.
 
-The plane goes through the opening's centre; its normal leans back by target.tilt_deg about the axis across. A landing
-is the last downward passage of the ball's centre through the plane. It is given relative to the opening's centre:
-along (away from the launcher), across (to the left), and the angle of arrival below the plane. A ball that meets the
-backboard above the rim bounces. It keeps the share `bounce` of its speed into the board, and friction stops the slip of
-its surface, as for a solid ball that grips (Garwin 1969; Cross 2002). The size of the ball decides whether it goes in.
-Its path near the rim is taken as a straight line, and it clears the near edge if (along + half) sin(angle) >= radius.
-At the other edges its centre must be inside, since a ball that touches the inner wall below the rim usually goes in.
-docs/reference/dataset.md describes the keys.
+The plane goes through the opening's centre; the plane's normal leans back by target.tilt_deg about the lateral axis. A
+landing is the last downward passage of the ball's centre through the plane. It is given relative to the opening's
+centre: along (away from the launcher), across (to the left), and the angle of arrival below the plane. A ball that
+meets the backboard above the rim bounces. It keeps the share `bounce` of its speed into the board, and friction stops
+the slip of its surface, as for a solid ball that grips (Garwin 1969; Cross 2002). Whether the ball goes in depends on
+its size. Its path near the rim is taken as a straight line, and it clears the near edge if (along + half) sin(angle) >=
+radius. At the other edges its centre must be inside, since a ball that touches the inner wall below the rim usually
+goes in. docs/reference/dataset.md describes the keys.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The electric drive: battery, brushless motors with current-controlled drivers, wheels on their belt, and the hood.
+"""The electric drive: battery, brushless motors with current-controlled drivers, belt-driven wheels, and the hood.
 
 The hood's motor is mounted on a pivot and turns an acme screw, which moves a nut on the hood. The linkage is a triangle
 formed by the hood's pivot, the motor's pivot and the nut; the screw is the side of variable length.

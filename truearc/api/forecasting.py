@@ -226,8 +226,8 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
     The height at the target, or the place where the ball comes down at one that faces up, is normally distributed about
     the belief's forecast, with the scatter between shots, the noise of the sensors (rig.toml [noise]) and the belief's
     covariance. At a target that faces up, set points are chosen as for three times that spread, so that of those that
-    hit almost surely the one with the widest margin wins. Among nearly equal set points, a smooth sequence with slower
-    wheels is chosen.
+    hit almost surely the one with the widest margin wins. Among set points that score nearly equally, a smooth sequence
+    with slower wheels is chosen.
 
     Args:
         belief: Coefficients, scatter and covariance.

@@ -1,7 +1,7 @@
 """The common parts of commands: option types, refusals, shared options and files, progress, and the rule for outputs.
 
-An output that exists already is refused unless `--force` is given, which replaces it. The `type=` of an option marks
-the option as an output. Recorded sessions and proof rounds are never replaced.
+A command refuses to replace an existing output unless `--force` is given. The `type=` of an option marks the option as
+an output. Recorded sessions and proof rounds are never replaced.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Implementation of `truearc doctor`.
 
-The command opens each wire in turn and collects findings. With --move, it also moves the robot; with --set, it writes
-the rig's watchdogs and limits into the ODrive axes.
+The command opens each connection in turn and collects findings. With --move, it also moves the robot; with --set, it
+writes the rig's watchdogs and limits into the ODrive axes.
 """
 
 import argparse

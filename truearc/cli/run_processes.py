@@ -1,4 +1,4 @@
-"""The eyes and recorder of `truearc run`, in the control loop's process or in their own."""
+"""The eyes and recorder of `truearc run`, in the control loop's process or in processes of their own."""
 
 import socket
 from collections.abc import Callable, Mapping

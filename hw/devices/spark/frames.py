@@ -1,8 +1,8 @@
 """REV SPARK MAX and Flex frames for firmware 25 and 26: encoding of commands and decoding of replies, without I/O.
 
 An arbitration id has 29 bits and is the id for device 0 plus the device number. On the wire, positions are in
-revolutions of the motor shaft and speeds in revolutions per minute; here both use radians, with the axis's `direction`
-applied.
+revolutions of the motor shaft and speeds in revolutions per minute; here they are in radians and radians per second,
+with the axis's `direction` applied.
 
 Once a SPARK has received a heartbeat from a competition's robot controller, it obeys no other controller until it is
 powered off (REV's CAN specification, STATUS_0's PRIMARY_HEARTBEAT_LOCK).

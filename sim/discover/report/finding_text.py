@@ -1,4 +1,4 @@
-"""Sentences about the verdict and its effects, written for a drive coach to act on."""
+"""Sentences about the verdict and the effects found, written for a drive coach to act on."""
 
 import math
 import tomllib

@@ -9,11 +9,11 @@ The aim is judged as follows. A ball misses its forecast height by some error. A
 that place and hood angle, it would have missed the centre by the same error, provided that the error does not change
 between the two speeds. The forecast error of a hold-out shot is therefore the miss of the aimed ball, and the model
 provides only the difference between two neighbouring set points (as in doubly robust off-policy evaluation, Dudik et
-al. 2014). An outcome does not determine the error within its class; there, the error follows the mixture of the two
-beliefs' distributions, with equal prior weights.
+al. 2014). An outcome does not determine the error within its class; there, the error follows the mixture of the
+distributions of the two beliefs that are compared, with equal prior weights.
 
 The gate passes the aimed ball if the belief's P(three) is high enough. A held ball is not lost: it counts as three
-points times the threshold, the lowest probability for which it would be fired. The gate's judgement of the shots
+points times the threshold, the lowest probability at which it would be fired. The gate's judgement of the shots
 actually fired is reported but does not count, since it would favour a belief that overrates them.
 
 Every shot is judged with fits to the folds that do not contain it.

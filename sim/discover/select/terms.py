@@ -1,9 +1,11 @@
-"""The ranking of candidate terms: one step for all terms, true refits of the likely ones, and estimates of their sizes.
+"""The ranking of candidate terms: a one-step estimate for every term, true refits of the likely ones, and the sizes.
 
 Every term has a normal prior on its amplitude, scaled to the usual size of such effects. A term that would have to be
-absurdly large to explain the data thus loses to a smaller one, and a term cannot win beyond its permitted range.
+absurdly large to explain the data thus loses to a smaller one, and no term can win with an amplitude outside its
+permitted range.
 
-A term's evidence is computed with that normal prior. Its own prior mixes several sizes and is zero outside its range.
+A term's evidence is first computed with that normal prior, and then corrected for the term's own prior, which mixes
+several sizes and is zero outside the term's range.
 """
 
 from collections.abc import Mapping, Sequence

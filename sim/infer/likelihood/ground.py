@@ -1,12 +1,13 @@
 """Outcomes of an opening that faces up: where the ball comes down in the plane of the rim, along and across.
 
 The miss along the shot is the observable. It is normally distributed, and so is the miss across, which is independent
-of it. For each position across, the size of the ball and the angle of its arrival determine the interval along in which
-the ball goes in. Probabilities are integrals over the miss across, by Gauss-Legendre quadrature between the corners of
-the opening, where the length of the interval is smooth. The observable of a ball that bounces off the backboard is
-where it would have come down behind the board. Near the board only gravity matters, so the flight after the bounce has
-a closed form, from which the interval of a hit follows. For a ball that barely reaches the rim, the place of arrival is
-not linear in the launch; such shots are mixtures over nodes of the launch (Nodes), each of which is simulated.
+of it. For each position across, the size of the ball and the angle of its arrival determine the interval of positions
+along the shot at which the ball goes in. Probabilities are integrals over the miss across, computed by Gauss-Legendre
+quadrature between the corners of the opening, where the length of the interval is smooth. The observable of a ball that
+bounces off the backboard is where it would have come down behind the board. Near the board only gravity matters, so the
+flight after the bounce has a closed form, from which the interval of a hit follows. For a ball that barely reaches the
+rim, the place of arrival is not linear in the launch; such shots are modelled as mixtures over nodes of the launch
+(Nodes), each of which is simulated.
 """
 
 from collections.abc import Sequence

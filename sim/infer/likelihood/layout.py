@@ -1,7 +1,7 @@
 """The layout of the fitted and tested columns for one dataset and belief, with their priors.
 
-Columns are free changes, terms and shared parameters. Priors are the wide ones of the catalogue, the posterior of an
-earlier session, or measurements made without shots, by tape measure, scale or inclinometer:
+Columns are free changes, terms and shared parameters. Priors come from the catalogue, where they are wide, from the
+posterior of an earlier session, or from measurements made without shots, by tape measure, scale or inclinometer:
 
     {"target_height.rise_m": Measurement(0.04, 0.01)}
 """

@@ -1,8 +1,9 @@
 """The protocol for outcome observations: the likelihood of a shot's outcome, given one observable of its arrival.
 
-Given the settings, the observable is normally distributed. Further numbers shift the boundaries between outcome
-classes. There are two implementations: the height at an upright opening (heights.py), and where a ball comes down in
-the plane of an opening that faces up (ground.py). Code outside this package does not depend on which one is used.
+Given the settings, the observable is normally distributed. Further numbers of the arrival shift the boundaries between
+outcome classes. There are two implementations: the height at an upright opening (heights.py), and where a ball comes
+down in the plane of an opening that faces up (ground.py). Code outside this package does not depend on which one is
+used.
 """
 
 from collections.abc import Sequence

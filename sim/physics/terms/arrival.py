@@ -1,4 +1,4 @@
-"""Terms of the arrival stage: effects of the target's opening."""
+"""Terms of the arrival stage: effects of the height and size of the target's opening, and of its backboard."""
 
 from truearc.sim.physics import term
 from truearc.sim.physics.term import Instrument, Opening, Phrase, amplitude, either_way
