@@ -18,7 +18,7 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.run_robot import make_room
 from truearc.errors import InputError
 from truearc.hw.protocols import Frame
-from truearc.robot.config.schema import Config, RecordingConfig, parse_toml
+from truearc.robot.config.schema import RecordingConfig, load_config
 from truearc.robot.reasons import DISK_BACKLOG_FULL, DISK_FULL, FILE_DELETED
 from truearc.robot.recording import files
 from truearc.robot.recording.files import Appender, NotKept, candump_line, claim, parse_candump
@@ -231,6 +231,8 @@ def test_a_pruned_session_says_so_and_keeps_its_trials_when_it_is_recovered(out)
 @pytest.mark.parametrize(("line", "words"), [
     ("keep_gb = 0.01", "recording.keep_gb"), ("keep_gb = nan", "recording.keep_gb"),
     ("keep_days = 0", "recording.keep_days"), ("keep = 1", "unknown key")])
-def test_a_limit_that_cannot_be_is_named(line, words):
+def test_a_limit_that_cannot_be_is_named(line, words, tmp_path):
+    path = tmp_path / "launcher.toml"
+    path.write_text(f"{SHIPPED.read_text(encoding='utf-8')}\n[recording]\n{line}\n", encoding="utf-8")
     with pytest.raises(InputError, match=words):
-        parse_toml(f"{SHIPPED.read_text(encoding='utf-8')}\n[recording]\n{line}\n", Config, "a")
+        load_config(path)

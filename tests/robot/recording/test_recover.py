@@ -345,7 +345,7 @@ def test_a_session_without_its_trials_is_named_alone_and_beside_another(session:
     dataset = shots_from_sessions([whole, session], "d")
     assert set(dataset.shots.text("session")) == {"whole"}
     assert [line for line in dataset.left_out if f"{session / TRIALS}: trial 0: is missing" in line]
-    with pytest.raises(InputError, match="no marked shots; .*truearc session recover"):
+    with pytest.raises(InputError, match=r"no marked shots; .*truearc session recover"):
         shots_from_sessions([session], "d")
 
 
