@@ -124,8 +124,9 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
     yield from _of_choices(config)
     yield from _of_encoder(config)
     if not config.hood.holds_itself and family_of(config.axes.hood).is_commanded:
-        yield "hood.holds_itself", ("is not true; a hood that sinks without torque is not driven, since a released one "
-                                    "would fall. Write true if it stays where it is, as on an acme screw")
+        yield "hood.holds_itself", ("missing key, or not true; a hood that sinks without torque is not driven, since "
+                                    "a released one would fall. Write true if it stays where it is, as on an acme "
+                                    "screw")
 
 
 def _of_choices(config: Any) -> Iterator[tuple[str, str]]:

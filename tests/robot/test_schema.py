@@ -399,6 +399,14 @@ def test_zero_is_permitted_where_it_means_none(key: str, place: Path) -> None:
     assert refusal(with_value(BASES[0], key, 0.0), place) == ("", "", "")
 
 
+def test_a_hood_of_which_nothing_says_that_it_holds_itself_is_refused(place: Path) -> None:
+    tables = make_tables(False)
+    for hood in ({**tables["hood"], "holds_itself": False},
+                 {key: value for key, value in tables["hood"].items() if key != "holds_itself"}):
+        _, key, said = refusal({**tables, "hood": hood}, place)
+        assert key == "hood.holds_itself" and said.startswith("missing key, or not true; a hood that sinks")
+
+
 def test_torque_inertia_and_one_master_bound_what_is_asked(place: Path) -> None:
     for key, value in (("flywheel.pid.output_high", 2.7), ("hood.pid.output_low", -2.7), ("feeder.torque_nm", 2.7)):
         tables = with_value(BASES[1], "hood.screw_lead_m", 0.02)
