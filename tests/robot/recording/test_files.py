@@ -208,6 +208,18 @@ def test_a_session_whose_head_is_damaged_counts_and_goes_in_its_turn(out, header
     assert {"session.json", "config.json", "trials.jsonl"} <= {path.name for path in (out / "2").iterdir()}
 
 
+def test_a_session_without_head_and_telemetry_counts_and_goes_and_no_other_folder(out):
+    for name, missing in (("1", ()), ("2", ("config.json",)), ("3", ("session.json",))):
+        (out / name / "session.json").write_text("")
+        with (out / name / "can0.log").open("ab") as file:
+            file.truncate(SIZE)
+        for gone in ("telemetry.mcap", *missing):
+            (out / name / gone).unlink()
+    assert [path.name for path in prune(out / "5", RecordingConfig(keep_gb=0.13), NOW_S)] == ["1"]
+    assert not (out / "1" / "can0.log").exists() and (out / "1" / "config.json").exists()
+    assert all((out / name / "can0.log").stat().st_size == SIZE for name in "23") and whole(out) == ["4", "5"]
+
+
 def test_a_link_in_a_session_goes_and_what_it_names_stays(out):
     (out / "other" / "photo.png").write_bytes(b"photo")
     (out / "1" / "frames" / "1.png").unlink()
