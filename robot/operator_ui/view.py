@@ -15,7 +15,7 @@ from operator import itemgetter
 from msgspec import UNSET, Struct, UnsetType, field
 from msgspec.structs import replace
 
-from truearc.hw.devices.registry import find_messages
+from truearc.hw.devices.registry import family_of, find_messages
 from truearc.hw.protocols import NS, MotorReading
 from truearc.hw.reason import FAULT, YOU, Message, Reason, fill
 from truearc.robot import reasons as bot
@@ -194,7 +194,7 @@ class PageView(Struct, frozen=True):
 
 def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> PageView:
     """Return the page's view; `tick` is the glance's own; `recording`: where it is recorded, "" = nowhere."""
-    told = tell(_as_shown(reason, glance, tick) for reason in tick.verdict.reasons)
+    told = tell(_as_shown(reason, glance, tick, config) for reason in tick.verdict.reasons)
     fire = _is_fire(glance, tick, told)
     blocks = (_aim(glance.sighting, tick, config), _robot(tick, recording), _shots(glance),
               _links(glance.sighting, tick, config))
@@ -204,13 +204,16 @@ def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> Page
                     _offer(tick))
 
 
-def _as_shown(reason: Reason, glance: Glance, tick: Tick) -> Reason:
-    """Of a controller that leaves control without an error the verdict says what it says of one not enabled yet."""
+def _as_shown(reason: Reason, glance: Glance, tick: Tick, config: Config) -> Reason:
+    """Of a controller of ours that leaves control without an error the verdict says what it says of one not enabled
+    yet."""
     if reason.code != bot.MOTOR_NOT_DRIVEN.name:
         return reason
-    motor = str(reason.params["motor"])
-    since_ns = glance.enabled_t_ns[0 if motor.startswith("flywheel") else 1 if motor.startswith("hood") else 2]
-    is_late = since_ns and tick.inputs.t_ns - since_ns >= TAKEN_NS
+    motor, axes = str(reason.params["motor"]), config.axes
+    which = 0 if motor.startswith("flywheel") else 1 if motor.startswith("hood") else 2
+    since_ns = glance.enabled_t_ns[which]
+    is_ours = family_of((axes.flywheels[0], axes.hood, axes.feeder)[which]).is_commanded
+    is_late = is_ours and since_ns and tick.inputs.t_ns - since_ns >= TAKEN_NS
     return bot.MOTOR_LEFT_CONTROL(**reason.params) if is_late else reason
 
 

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
 from tests.robot.samples import check, sample
+from tests.robot.sparks import only_advice
 from tests.robot.test_motion import AIMED, Launcher
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.odrive import frames as odrive
@@ -191,6 +192,8 @@ def test_an_axis_that_leaves_control_is_a_fault_once_it_had_time(spoilt: str, mo
     assert "fault" not in tones[0] | tones[1] and view.tone == "fault" and tones[2] == {"fault"}
     assert view.told[0].means == f"{motor}: its controller does not drive it"
     assert "Ready" not in "".join(one.means for one in view.told)
+    theirs = describe(glance, launcher.ticks[-1], only_advice("odrive"), "monday")
+    assert f"{motor}: released" in [one.means for one in theirs.told]      # another program's motor is not ours to take
 
 
 def next_tick(after_s, **change):
