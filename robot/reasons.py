@@ -51,6 +51,8 @@ FRAMES_UNUSABLE = Code("frames_unusable", "{motor}: {frames} frames in a row can
 MOTOR_NOT_FINITE = Code("motor_not_finite", "{motor}: non-finite reading")
 MOTOR_ERROR = Code("motor_error", "{motor}: {errors:,}")
 MOTOR_NOT_DRIVEN = Code("motor_not_driven", "{motor}: not under control (state {state})", {"state": "count"})
+MOTOR_LEFT_CONTROL = Code("motor_left_control", "{motor}: enabled, and not under control (state {state})",
+                          {"state": "count"})     # on the page alone: of MOTOR_NOT_DRIVEN after a while
 MAGNET_LOST = Code("magnet_lost", "hood encoder: magnet out of range, or no signal")
 
 # The launcher

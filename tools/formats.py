@@ -22,6 +22,7 @@ from truearc.robot.recording.session import Header
 from truearc.sim.data.table import UNITS
 from truearc.sim.discover.finding import AimProposal, FindingRecord
 from truearc.sim.discover.identifiability import Sight
+from truearc_frc.table import LIMITS as NT4_LIMITS
 from truearc_proof.table import make_markdown
 
 LAUNCHER = Path(__file__).resolve().parents[1] / "robot" / "launcher.toml"
@@ -138,7 +139,7 @@ def launcher_keys() -> Iterator[tuple[str, str, str]]:
 def range_of(key: str) -> str:
     """Limits of a key of launcher.toml, else what its declaration says; "" where there are none."""
     if key in BY_KEY:
-        return f"from {_bound_text(BY_KEY[key].low)} to {_bound_text(BY_KEY[key].high)}"
+        return f"{'0, or ' * BY_KEY[key].or_zero}from {_bound_text(BY_KEY[key].low)} to {_bound_text(BY_KEY[key].high)}"
     kind: Any = msgspec.inspect.type_info(Config)
     if key == "hood_encoder.driver":
         return ", ".join(BY_DRIVER)
@@ -208,4 +209,5 @@ def launcher() -> str:
 
 def limits() -> str:
     return make_markdown(("key", "least", "greatest", "reason"), [
-        (f"`{one.key}`", _bound_text(one.low), _bound_text(one.high), one.why) for one in BY_KEY.values()])
+        (f"`{one.key}`", "0, or " * one.or_zero + _bound_text(one.low), _bound_text(one.high), one.why)
+        for one in (*BY_KEY.values(), *NT4_LIMITS)])

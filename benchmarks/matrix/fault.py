@@ -94,7 +94,8 @@ class Motion(Struct, frozen=True):
 
     what: str
     names: tuple[str, ...]            # devices whose frames it spoils; none: it is in the plant
-    when: str                         # "start", "spinning", "settled", "hood homes", "hood rises"
+    when: str                         # "start", "spinning", "settled", "hood homes", "hood starts" (up), "hood rises",
+                                      # "hood is near"
     axis: str                         # that has to be released: "wheels", "hood"; "": none
     since: str                        # what the row's time counts from: "reading" (the last true one), "fault", "push"
     code: str                         # of benchmarks.matrix.rows.CODES: what the page has to say
@@ -103,6 +104,7 @@ class Motion(Struct, frozen=True):
     high_deg: float = 75.0            # soft limit; the plant's own stop is at 75
     travel_deg: float = math.inf      # the hood's after the fault
     start_deg: float = 22.0           # where the hood is found
+    most_deg_s: float = 22.0          # the hood's, its limit with a tenth for the loop that keeps it
     has_encoder: bool = True          # a hood encoder; without one its motor's count is all that is known
 
 

@@ -3,6 +3,9 @@
 It covers ODrives, wires, camera, button box, disk, model and processes; launchers with SPARKs or with motors driven by
 another controller; NetworkTables keys; and motion, with the time limits of the interlock table in
 docs/explanation/safety.md.
+
+No row shows wheels above 1.05 times their free speed: at the rows' set point, 0.6 of it, 1.1 times the set point acts
+first, and above 0.955 of it, where it would not, nothing in the plant turns them faster than their free speed.
 """
 
 import math
@@ -386,7 +389,8 @@ KEY_ROWS = (
 
 GONE_S, WRONG_S, REST_S = 0.12, 0.08, 0.25   # readings stop; freeze under torque or jump; are wrong since rest
 NEVER_S = 0.01                        # not driven at all
-TRAVEL_DEG = 5.0
+SWITCH_S = 0.15                       # an ODrive is asked for its switch every 0.05 s
+TRAVEL_DEG, COAST_DEG = 5.0, 8.0      # the second from half as much again as its speed limit
 HOMING_S = 0.5                        # until encoder and screw are 1.5 degrees apart, from rest
 WHEELS = ("flywheel_a", "flywheel_b")
 
@@ -407,6 +411,7 @@ CODES: dict[str, tuple[str, ...] | None] = {
     "jump": ("speed_jumped", "encoder_mismatch", "encoder_stuck", *RELEASED),
     **dict.fromkeys(("overspeed", "repeated", "jam", "homing"), RELEASED),
     "encoders": ("hood_encoders_disagree", *RELEASED),
+    "dropped": ("hood_push_dropped",),
     "switch": (),
 }
 
@@ -468,6 +473,11 @@ def _hood() -> Iterator[Row]:
                   0.5, REARM)
     yield _hooded("is jammed for 0.45 s", Motion("hood jams", (), "hood rises", "hood", "push", "none", 2), 0.5, ITSELF,
                   0.45)
+    yield _hooded("is jammed 0.6 degrees below its set point: a small push is dropped",
+                  Motion("hood jams", (), "hood is near", "hood", "push", "dropped", travel_deg=TRAVEL_DEG), 0.5, REARM)
+    yield _hooded("its limit switch sticks closed while it rises",
+                  Motion("switch closed", (), "hood rises", "hood", "fault", "homing", travel_deg=TRAVEL_DEG),
+                  SWITCH_S, REARM)
     # down from where it is found, and the stop's push, and once more
     yield _hooded("its limit switch never closes", Motion("switch dead", (), "start", "hood", "push", "homing", 2),
                   1.45, REARM)
@@ -485,6 +495,12 @@ def _hood() -> Iterator[Row]:
     yield _hooded("has no encoder, and its motor's reads 0",
                   Motion("zero", ("hood",), "start", "hood", "push", "homing", travel_deg=TRAVEL_DEG, start_deg=60.0,
                          has_encoder=False), 0.35, REARM)
+    # 1.1 times the travel at the speed limit; three times as long as the travel takes
+    yield _hooded("has no encoder, and its screw has come loose of the motor: homing ends by travel",
+                  Motion("hood comes loose", (), "start", "hood", "push", "homing", start_deg=60.0, has_encoder=False),
+                  5.0, REARM, 9.0)
+    yield _hooded("creeps from 60 degrees: homing ends by time",
+                  Motion("hood creeps", (), "start", "hood", "push", "homing", start_deg=60.0), 9.1, REARM, 10.5)
     yield _hooded("has no encoder, homes from 60 degrees and rises",
                   Motion("nothing", (), "start", "", "fault", "none", start_deg=60.0, has_encoder=False), 0.0, KEEPS,
                   9.0)
@@ -517,6 +533,10 @@ ONLY_ODRIVE = (_wheel("motor 2 gives up with an error while spinning up",
                _hooded("its motor turns the other way, since rest",
                        Motion("hood backwards", (), "start", "hood", "push", "any", travel_deg=TRAVEL_DEG), REST_S,
                        REARM),
+               # a SPARK, whose readings are younger, brakes it in time; an idle ODrive lets it coast
+               _hooded("its driver gives full torque, however little it is asked for, since it rises",
+                       Motion("hood is strong", (), "hood starts", "hood", "fault", "overspeed",
+                              travel_deg=COAST_DEG, most_deg_s=40.0), 0.08, REARM),
                _hooded("its limit switch never answers",
                        Motion("switch never answers", ("hood",), "start", "hood", "push", "switch"), NEVER_S, ITSELF))
 MOTION_ROWS = (*ODRIVE_ROWS, *ONLY_ODRIVE, *map(_with_sparks, ODRIVE_ROWS))

@@ -78,14 +78,11 @@ class CanBus:
         self._serial_lines = serial_lines
 
     def read(self) -> list[Frame]:
-        """Return all frames received since the last call, oldest first; LinkLost when the adapter is lost.
-
-        A serial adapter's own answers stand between the frames and end a read early; `receive` waits them out.
-        """
+        """Return all frames received since the last call, oldest first; LinkLost when the adapter is lost."""
         frames: list[Frame] = []
         t_ns = self._clock.now_ns()
-        while (message := self._take(0.0)) is not None:
-            if not message.is_error_frame:
+        while (message := self._take(0.0)) is not None or self._has_more():
+            if message is not None and not message.is_error_frame:
                 frames.append(_make_frame(message, t_ns))
         return frames
 
@@ -116,6 +113,13 @@ class CanBus:
     def close(self) -> None:
         with contextlib.suppress(can.CanError, OSError, ValueError):    # an unplugged adapter may refuse even this
             self._bus.shutdown()
+
+    def _has_more(self) -> bool:
+        """Whether bytes wait behind a line without a frame: a serial adapter's own answers stand between the frames."""
+        try:
+            return self._serial_lines and self._bus.serialPortOrig.in_waiting > 0
+        except OSError as error:
+            raise LinkLost(CAN_ADAPTER_ERROR(bus=self.name, detail=str(error))) from error
 
     def _take(self, wait_s: float) -> can.Message | None:
         try:

@@ -30,12 +30,16 @@ FACTOR = re.compile(r"(/ )?([-\w.]+)(\??)")
 
 
 class Limit(NamedTuple):
-    """The permitted range of `key`, both bounds included, and what happens beyond them."""
+    """The permitted range of `key`, both bounds included, and what happens beyond them.
+
+    or_zero: 0 is permitted, too, and means that it is unknown or that there is none.
+    """
 
     key: str                          # dotted, without the numbers of a list: axes.flywheels.rated_v is that of each
     low: Bound
     high: Bound
     why: str
+    or_zero: bool = False
 
 
 ROUNDING = 1e-9                       # of a product: 0.1 * 0.05 * 200 is a little more than 1
@@ -46,8 +50,9 @@ STRAIGHT_DEG = 5.0                    # of motor, pivot and nut; chosen: a lever
 def load_limits() -> tuple[Limit, ...]:
     """Load the limits of launcher.toml from limits.toml."""
     table = tomllib.loads(Path(__file__).with_name("limits.toml").read_text(encoding="utf-8"))
-    return tuple(Limit(key, _bound(low), _bound(high), why.format_map(table["words"]))
-                 for keys, low, high, why in table["limits"] for key in ([keys] if isinstance(keys, str) else keys))
+    return tuple(Limit(key, _bound(low), _bound(high), why.format_map(table["words"]), "or 0" in more)
+                 for keys, low, high, why, *more in table["limits"]
+                 for key in ([keys] if isinstance(keys, str) else keys))
 
 
 def _bound(stated: Any) -> Bound:
@@ -63,8 +68,8 @@ def out_of_range(config: Any, limits: tuple[Limit, ...]) -> Iterator[tuple[str, 
         for key, value in numbers(config, limit.key):
             (least, low), (most, high) = narrowest(limit.low, config, max), narrowest(limit.high, config, min)
             slack = ROUNDING * abs(value)
-            if not least - slack <= value <= most + slack:
-                yield key, f"{value:g} is out of range ({low} to {high}); {limit.why}"
+            if not (least - slack <= value <= most + slack or (limit.or_zero and value == 0.0)):
+                yield key, f"{value:g} is out of range ({'0, or ' * limit.or_zero}{low} to {high}); {limit.why}"
 
 
 def numbers(thing: Any, key: str, name: str = "") -> Iterator[tuple[str, float]]:
@@ -120,8 +125,9 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
     yield from _of_choices(config)
     yield from _of_encoder(config)
     if not config.hood.holds_itself and family_of(config.axes.hood).is_commanded:
-        yield "hood.holds_itself", ("is not true; a hood that sinks without torque is not driven, since a released one "
-                                    "would fall. Write true if it stays where it is, as on an acme screw")
+        yield "hood.holds_itself", ("missing key, or not true; a hood that sinks without torque is not driven, since "
+                                    "a released one would fall. Write true if it stays where it is, as on an acme "
+                                    "screw")
 
 
 def _of_choices(config: Any) -> Iterator[tuple[str, str]]:

@@ -230,13 +230,10 @@ class Identify(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class RecordingConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """How much of earlier sessions `truearc run` keeps on the disk; an absent key sets no limit.
+    """How much of earlier sessions `truearc run` keeps on the disk; an absent key sets no limit."""
 
-    Less than 0.1 GB is under a quarter of an hour, less than a day is the day's own practice.
-    """
-
-    keep_gb: Annotated[float, msgspec.Meta(ge=0.1, le=100_000.0)] | None = None     # 1e9 bytes, of all sessions
-    keep_days: Annotated[float, msgspec.Meta(ge=1.0, le=3650.0)] | None = None      # since a session's last tick
+    keep_gb: Positive | None = None   # 1e9 bytes, of all sessions
+    keep_days: Positive | None = None     # since a session's last tick
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

@@ -116,15 +116,11 @@ class LocalServer(ThreadingHTTPServer):
             super().shutdown_request(request)
 
     @contextmanager
-    def place(self, client: socket, places: Places, is_known: bool | None = False) -> Iterator[bool]:
-        """Return whether `client` gets one of these places, which it then holds.
-
-        is_known: None where a client need not be known; the last place is then for an address that has none yet, too.
-        """
+    def place(self, client: socket, places: Places, is_known: bool = False) -> Iterator[bool]:
+        """Return whether `client` gets one of these places, which it then holds."""
         with self._lock:
             address = self._clients.get(client)   # None: it has been replaced
             taken = [self._clients[one] for one, kind in self._placed.items() if kind is places]
-            is_known = address not in taken if is_known is None else is_known
             is_free = address is not None and len(taken) < places.most and (
                 is_known or (len(taken) < places.most - 1 and taken.count(address) < places.of_address))
             if is_free:
@@ -285,11 +281,11 @@ class PageServer(LocalServer):
         self.page, self.what_if, self.orders = page, what_if, orders
         self.token = secrets.token_urlsafe(18)    # where there are no orders, which have one that stays
 
-    def is_known(self, token: str) -> bool | None:
-        """Return whether a client has the token; None where it may not know that there is one."""
+    def is_known(self, token: str) -> bool:
+        """Return whether a client has the token."""
         if self.orders is not None:
             return self.orders.is_token(token)
-        return hmac.compare_digest(token.encode(), self.token.encode()) or None
+        return hmac.compare_digest(token.encode(), self.token.encode())
 
 
 class _Handler(LocalHandler):

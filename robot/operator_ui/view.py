@@ -15,7 +15,7 @@ from operator import itemgetter
 from msgspec import UNSET, Struct, UnsetType, field
 from msgspec.structs import replace
 
-from truearc.hw.devices.registry import find_messages
+from truearc.hw.devices.registry import family_of, find_messages
 from truearc.hw.protocols import NS, MotorReading
 from truearc.hw.reason import FAULT, YOU, Message, Reason, fill
 from truearc.robot import reasons as bot
@@ -25,6 +25,7 @@ from truearc.robot.motors import name_axes
 from truearc.robot.reasons import BOX_GONE, FIRE_NOT_REQUESTED, NOT_RECORDING, text
 from truearc.robot.types import Outcome, Shot, Sighting, Tick
 
+TAKEN_NS = 500_000_000                # a controller that is enabled drives by then: it tells its state every 0.1 s
 FIRED_S = 0.5                         # a verdict of FIRE lasts one tick; the tile stays for as long as one can read it
 ABSENT = "–"
 RECENT = 6                            # trials that are listed
@@ -50,6 +51,7 @@ class Glance(Struct, frozen=True):
     shots: int = 0
     outcomes: dict[str, int] = field(default_factory=dict)
     recent: tuple[PageTrial, ...] = ()                # oldest first
+    enabled_t_ns: tuple[int, ...] = (0, 0, 0)         # since when wheels, hood and feeder are; 0: they are not
 
 
 def look(glance: Glance, tick: Tick) -> Glance:
@@ -59,8 +61,11 @@ def look(glance: Glance, tick: Tick) -> Glance:
     if (shot := tick.shot) is not None:
         recent = (*glance.recent, PageTrial(shot.trial, shot))[-RECENT:]
         glance = replace(glance, shots=glance.shots + 1, recent=recent)
-    sighting = tick.inputs.sighting
-    return replace(glance, seq=glance.seq + 1, tick=tick, sighting=glance.sighting if sighting is None else sighting)
+    sighting, command = tick.inputs.sighting, tick.command
+    enabled_t_ns = tuple(since_ns or tick.inputs.t_ns if is_enabled else 0 for since_ns, is_enabled in zip(
+        glance.enabled_t_ns, (command.enable_flywheel, command.enable_hood, command.enable_feeder), strict=True))
+    return replace(glance, seq=glance.seq + 1, tick=tick, sighting=glance.sighting if sighting is None else sighting,
+                   enabled_t_ns=enabled_t_ns)
 
 
 def _with_outcome(glance: Glance, outcome: Outcome) -> Glance:
@@ -189,7 +194,7 @@ class PageView(Struct, frozen=True):
 
 def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> PageView:
     """Return the page's view; `tick` is the glance's own; `recording`: where it is recorded, "" = nowhere."""
-    told = tell(tick.verdict.reasons)
+    told = tell(_as_shown(reason, glance, tick, config) for reason in tick.verdict.reasons)
     fire = _is_fire(glance, tick, told)
     blocks = (_aim(glance.sighting, tick, config), _robot(tick, recording), _shots(glance),
               _links(glance.sighting, tick, config))
@@ -197,6 +202,19 @@ def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> Page
     return PageView(glance.seq, round(tick.inputs.t_ns * NS, 3), "FIRE" if fire else "HOLD", _tone(tick, fire, told),
                     told, blocks, Here(*map(_finite, (belief.distance_m, belief.motor_ratio, belief.hood_deg))),
                     _offer(tick))
+
+
+def _as_shown(reason: Reason, glance: Glance, tick: Tick, config: Config) -> Reason:
+    """Of a controller of ours that leaves control without an error the verdict says what it says of one not enabled
+    yet."""
+    if reason.code != bot.MOTOR_NOT_DRIVEN.name:
+        return reason
+    motor, axes = str(reason.params["motor"]), config.axes
+    which = 0 if motor.startswith("flywheel") else 1 if motor.startswith("hood") else 2
+    since_ns = glance.enabled_t_ns[which]
+    is_ours = family_of((axes.flywheels[0], axes.hood, axes.feeder)[which]).is_commanded
+    is_late = is_ours and since_ns and tick.inputs.t_ns - since_ns >= TAKEN_NS
+    return bot.MOTOR_LEFT_CONTROL(**reason.params) if is_late else reason
 
 
 def _offer(tick: Tick) -> Offer | None:

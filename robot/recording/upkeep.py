@@ -277,7 +277,8 @@ def _look(folder: Path) -> _Session | None:
         try:
             layout.load_header(folder)
         except InputError:            # of another program, or damaged as when the power fails
-            if not ((folder / layout.HEADER).is_file() and telemetry.is_file()):
+            known = ((layout.HEADER, layout.TELEMETRY), (layout.HEADER, layout.CONFIG, layout.CAN))
+            if not any(all((folder / name).is_file() for name in names) for names in known):
                 return None
         ended_s = (telemetry if telemetry.exists() else folder / layout.HEADER).stat().st_mtime
     except OSError:

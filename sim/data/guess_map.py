@@ -326,7 +326,8 @@ class _Guessing:
         keys = sorted(moving, key=lambda key: (len(np.unique(moving[key][:2000])) <= 2, key))
         return InputError("\n".join([
             f"{self.name}: no {kind}'s name, unit and numbers look like {', '.join(missing)}; write a map by "
-            "hand: docs/how-to/importing.md", *(f"recognised: {line}" for line in self.lines),
+            "hand: docs/how-to/importing.md", *(self.all.damage if isinstance(self.all, Log) else ()),
+            *(f"recognised: {line}" for line in self.lines),
             *chain(*missing.values()), f"{kind}s with numbers:",
             *(f"  {key}: {min(moving[key]):.4g} to {max(moving[key]):.4g} {unit_said(self.all[key])}".rstrip()
               for key in keys[:MOST_LISTED]),

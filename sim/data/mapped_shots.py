@@ -96,8 +96,8 @@ class Reading:
             if name in self.log:
                 return self.log[name]
         near = [name for name in self.log if key.rpartition("/")[2].lower() in name.lower()]
-        raise InputError(f"{self.path}: there is no signal {key}" + (f"; did you mean {', '.join(near[:3])}?" if near
-                                                                    else f"; it has {len(self.log)}"))
+        raise InputError("\n".join((f"{self.path}: there is no signal {key}" + (
+            f"; did you mean {', '.join(near[:3])}?" if near else f"; it has {len(self.log)}"), *self.log.damage)))
 
     def _column(self, column: str, said: str | Signal) -> Series:
         signal = as_signal(said)

@@ -76,7 +76,9 @@ def shots_from_sessions(sessions: Sequence[str | Path], name: str, telemetry: bo
                 left_out.append(f"{reader.cut_short}: telemetry after that is missing")
         rows += [(session.resolve().name, trial) for trial in kept]
     if not rows:
-        raise InputError(f"{', '.join(map(str, folders))}: no marked shots")
+        lost = [line for line in left_out if "truearc session recover" in line]
+        raise InputError("; ".join([f"{', '.join(map(str, folders))}: no marked shots", *lost[:1],
+                                    *([f"{len(lost) - 1} more like that"] if len(lost) > 1 else [])]))
     return Dataset(name, configs[0].rig, _shots(rows, configs[0].rig), None, Traces.of(traces), tuple(left_out))
 
 
@@ -118,8 +120,6 @@ def _traces(reader: TickReader, trials: list[Trial], config: Config, first_row: 
             in_ticks: dict[int, Trial]) -> list[tuple[int, float, str, float]]:
     """Signals around each shot, one sample for each new reading; `in_ticks` takes the trials of the ticks."""
     feeds = np.array([trial.shot.t_ns for trial in trials if trial.shot is not None], dtype=np.int64)
-    if len(feeds) == 0:
-        return []
     rows: list[tuple[int, float, str, float]] = []
     newest: dict[str, int] = {}
     for tick, _ in reader:

@@ -66,6 +66,10 @@ QUICK = ("wheels: both encoders read 0, since rest", "wheels: both speeds read 4
          "hood: rises from its switch to 70 degrees", "hood: its encoder is frozen while it homes from 60 degrees",
          "hood: its encoder is reversed while it homes from 60 degrees",
          "hood: its motor's encoder reads 0 while it homes from 60 degrees",
+         "hood: is jammed 0.6 degrees below its set point: a small push is dropped",
+         "hood: its limit switch sticks closed while it rises", "hood: creeps from 60 degrees: homing ends by time",
+         "hood: has no encoder, and its screw has come loose of the motor: homing ends by travel",
+         "hood: its driver gives full torque, however little it is asked for, since it rises",
          "hood: has no encoder, and its motor's reads 0", "hood: has no encoder, homes from 60 degrees and rises")
 SPARK = ("wheels: both encoders read 0, since rest", "hood: its encoder is frozen while it rises")
 REAL = ("motion, wheels: both encoders read 0, since rest",

@@ -105,8 +105,7 @@ def test_feedback_that_is_late_from_the_start_drives_nothing_and_says_so(make, w
                                      if "motor" in fault.params} == NAMED
     assert set(robot.faults(hw.FEEDBACK_LATE)) == NAMED
     late_s = [fault.params["delay_s"] for fault in verdict.reasons if fault.code == hw.FEEDBACK_LATE.name]
-    most_ms = LATE_MS + (15 if wire == "virtual" else 120)  # the serial adapter's own answers take their time
-    assert len(late_s) == 5 and all(LATE_MS <= 1e3 * delay_s <= most_ms for delay_s in late_s)
+    assert len(late_s) == 5 and all(LATE_MS <= 1e3 * delay_s <= LATE_MS + 15 for delay_s in late_s)
     assert set(robot.torques) == {0.0} and robot.sent.flywheel_torque_nm == 0.0
     assert robot.tally["frames not allowed"] == 0
 

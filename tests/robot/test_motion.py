@@ -326,6 +326,19 @@ def test_wheels_driven_above_their_set_point_are_released() -> None:
     assert any("joint_overspeed" in latched(launcher, tick) for tick in launcher.ticks[first:])
 
 
+def test_wheels_turned_above_their_free_speed_are_released() -> None:
+    """Near it, where 1.1 times the set point is more."""
+    launcher = running()
+    fast = (replace(ROW, motor_ratio=0.97),)
+    launcher.config = replace(AIMED, collect=replace(AIMED.collect, prescribed=fast))
+    launcher.run(2.5)
+    assert not latched(launcher) and launcher.wheel_rad_s > 0.95 * 594.0
+    while not (causes := latched(launcher)) and launcher.wheel_rad_s < 1.1 * 594.0:
+        launcher.wheel_rad_s += 3.0                        # something else turns them
+        launcher.run(TICK_S)
+    assert causes == ["joint_overspeed"] and 1.05 * 594.0 < launcher.wheel_rad_s < 1.07 * 594.0
+
+
 def test_a_latched_axis_stays_released_until_it_is_disarmed_and_armed() -> None:
     launcher = running()
     launcher.spoil = wheels(velocity_rad_s=0.0)

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import os
 import re
 import struct
 
@@ -64,7 +65,7 @@ def test_a_table_of_endpoints_with_an_impossible_id_is_refused(tmp_path, number)
 class Bench:
     """All the devices of the shipped configuration; `settings` and `faults` by device name."""
 
-    def __init__(self, settings=None, faults=None, more=(), wrap=lambda name, node: node):
+    def __init__(self, settings=None, faults=None, more=(), wrap=lambda name, node: node, is_serial=False):
         self.plant = plant = SpinningPlant()
         axes = [*CONFIG.axes.flywheels, CONFIG.axes.hood, CONFIG.axes.feeder]
         self.nodes = {}
@@ -76,8 +77,13 @@ class Bench:
         nodes = [wrap(name, FaultyNode(node, (faults or {})[name]) if name in (faults or {}) else node)
                  for name, node in self.nodes.items()]
         self.clock = StepClock(lambda t_ns: self.twin.advance(t_ns))
-        channel = f"doctor-{next(CHANNELS)}"
-        self.near, self.far = (open_can("virtual", channel, 1_000_000, self.clock) for _ in range(2))
+        if is_serial:
+            from truearc.hw.emulated.serial_link import PtyCable, SlcanAdapter
+            self.far = SlcanAdapter(PtyCable())
+            self.near = open_can("slcan", self.far.port, 1_000_000, self.clock)
+        else:
+            channel = f"doctor-{next(CHANNELS)}"
+            self.near, self.far = (open_can("virtual", channel, 1_000_000, self.clock) for _ in range(2))
         self.twin = Twin(plant, self.far, (*nodes, *more), (self._say_more,))
         self.more: list[Frame] = []
 
@@ -122,6 +128,14 @@ def test_without_table_or_anybody_it_says_so_and_revisions_matter_less():
     assert findings["bitrate"].level == FAILURE and "nothing at all" in findings["bitrate"].says
     assert Bench({"feeder": replace(SETTINGS["feeder"], firmware=(0, 6, 11))}).findings()[
         "feeder motor, firmware"].level == OK
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a pseudo-terminal")
+@pytest.mark.parametrize("has_table", [False, True])
+def test_answers_of_a_serial_adapter_make_no_feedback_late(endpoints, has_table):
+    findings = Bench(is_serial=True).findings(endpoints if has_table else None)
+    assert findings["feedback"].level == OK and int(findings["feedback"].says.split()[2]) <= 15, findings["feedback"]
+    assert levels(findings, FAILURE) == set()
 
 
 @pytest.mark.parametrize(("device", "name"), [("flywheel_b", "flywheel motor 2"), ("hood", "hood motor"),

@@ -13,6 +13,8 @@ from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
 from tests.robot.samples import check, sample
+from tests.robot.sparks import only_advice
+from tests.robot.test_motion import AIMED, Launcher
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.spark import frames as spark
@@ -165,6 +167,33 @@ def test_fire_and_hold_are_the_verdict_s():
     assert (idle.state, idle.tone, idle.told[0].do) == ("HOLD", "you", "press ARM")
     lost = seen(step(replace(good_inputs(), faults=(UNPLUGGED,)), good_memory(), CONFIG, None))
     assert (lost.state, lost.tone, lost.told[0].means) == ("HOLD", "fault", "No pictures from the camera")
+
+
+@pytest.mark.parametrize(("spoilt", "motor"), [
+    ("flywheels", "Flywheel motor 1, flywheel motor 2"), ("hood_motor", "Hood motor"), ("feeder", "Feeder motor")])
+def test_an_axis_that_leaves_control_is_a_fault_once_it_had_time(spoilt: str, motor: str):
+    def leave(inputs):
+        readings = getattr(inputs, spoilt)
+        idle = (tuple(replace(one, axis_state=1) for one in readings) if isinstance(readings, tuple)
+                else replace(readings, axis_state=1))
+        return replace(inputs, **{spoilt: idle})
+
+    launcher, glance, tones = Launcher(), Glance(), []
+    launcher.arm()
+    for spoil, lasts_s in ((leave, 0.3), (lambda inputs: inputs, 3.0), (leave, 5.0)):
+        launcher.spoil, tone = spoil, set()
+        begins = len(launcher.ticks)
+        launcher.run(lasts_s)
+        for tick in launcher.ticks[begins:]:
+            glance = look(glance, tick)
+            view = describe(glance, tick, AIMED, "monday")
+            tone.add(view.tone)
+        tones.append(tone)
+    assert "fault" not in tones[0] | tones[1] and view.tone == "fault" and tones[2] == {"fault"}
+    assert view.told[0].means == f"{motor}: its controller does not drive it"
+    assert "Ready" not in "".join(one.means for one in view.told)
+    theirs = describe(glance, launcher.ticks[-1], only_advice("odrive"), "monday")
+    assert f"{motor}: released" in [one.means for one in theirs.told]      # another program's motor is not ours to take
 
 
 def next_tick(after_s, **change):

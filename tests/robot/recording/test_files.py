@@ -18,7 +18,7 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.run_robot import make_room
 from truearc.errors import InputError
 from truearc.hw.protocols import Frame
-from truearc.robot.config.schema import Config, RecordingConfig, parse_toml
+from truearc.robot.config.schema import RecordingConfig, load_config
 from truearc.robot.reasons import DISK_BACKLOG_FULL, DISK_FULL, FILE_DELETED
 from truearc.robot.recording import files
 from truearc.robot.recording.files import Appender, NotKept, candump_line, claim, parse_candump
@@ -208,6 +208,18 @@ def test_a_session_whose_head_is_damaged_counts_and_goes_in_its_turn(out, header
     assert {"session.json", "config.json", "trials.jsonl"} <= {path.name for path in (out / "2").iterdir()}
 
 
+def test_a_session_without_head_and_telemetry_counts_and_goes_and_no_other_folder(out):
+    for name, missing in (("1", ()), ("2", ("config.json",)), ("3", ("session.json",))):
+        (out / name / "session.json").write_text("")
+        with (out / name / "can0.log").open("ab") as file:
+            file.truncate(SIZE)
+        for gone in ("telemetry.mcap", *missing):
+            (out / name / gone).unlink()
+    assert [path.name for path in prune(out / "5", RecordingConfig(keep_gb=0.13), NOW_S)] == ["1"]
+    assert not (out / "1" / "can0.log").exists() and (out / "1" / "config.json").exists()
+    assert all((out / name / "can0.log").stat().st_size == SIZE for name in "23") and whole(out) == ["4", "5"]
+
+
 def test_a_link_in_a_session_goes_and_what_it_names_stays(out):
     (out / "other" / "photo.png").write_bytes(b"photo")
     (out / "1" / "frames" / "1.png").unlink()
@@ -231,6 +243,8 @@ def test_a_pruned_session_says_so_and_keeps_its_trials_when_it_is_recovered(out)
 @pytest.mark.parametrize(("line", "words"), [
     ("keep_gb = 0.01", "recording.keep_gb"), ("keep_gb = nan", "recording.keep_gb"),
     ("keep_days = 0", "recording.keep_days"), ("keep = 1", "unknown key")])
-def test_a_limit_that_cannot_be_is_named(line, words):
+def test_a_limit_that_cannot_be_is_named(line, words, tmp_path):
+    path = tmp_path / "launcher.toml"
+    path.write_text(f"{SHIPPED.read_text(encoding='utf-8')}\n[recording]\n{line}\n", encoding="utf-8")
     with pytest.raises(InputError, match=words):
-        parse_toml(f"{SHIPPED.read_text(encoding='utf-8')}\n[recording]\n{line}\n", Config, "a")
+        load_config(path)

@@ -336,6 +336,19 @@ def test_a_trial_that_only_the_ticks_have_is_said(session: Path) -> None:
     assert [line for line in left_out if "trial 0: is not as the telemetry has it" in line]
 
 
+@pytest.mark.parametrize("left", [None, b"\n"], ids=["no file", "an empty line"])
+def test_a_session_without_its_trials_is_named_alone_and_beside_another(session: Path, tmp_path, left) -> None:
+    whole = shutil.copytree(session, tmp_path / "whole")
+    (session / TRIALS).unlink()
+    if left is not None:
+        (session / TRIALS).write_bytes(left)
+    dataset = shots_from_sessions([whole, session], "d")
+    assert set(dataset.shots.text("session")) == {"whole"}
+    assert [line for line in dataset.left_out if f"{session / TRIALS}: trial 0: is missing" in line]
+    with pytest.raises(InputError, match=r"no marked shots; .*truearc session recover"):
+        shots_from_sessions([session], "d")
+
+
 def test_marked_shots_outlive_their_telemetry(session: Path) -> None:
     whole = shots_from_sessions([session], "d").shots
     (session / TELEMETRY).unlink()

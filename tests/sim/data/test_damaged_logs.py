@@ -142,6 +142,14 @@ def test_a_log_that_was_cut_short_says_so(log: Path, share: float) -> None:
     assert len(said) == 2
 
 
+@pytest.mark.parametrize("shot_map", [MAP, None], ids=["map", "guess"])
+def test_a_log_cut_short_before_a_signal_is_refused_with_the_cut(log: Path, shot_map: ShotMap | None) -> None:
+    data = log.read_bytes()
+    log.write_bytes(data[:data.index(b"/hood") + 2])
+    with pytest.raises(InputError, match=r"(?s)log\.wpilog.*\nends in the record at byte .*: cut short"):
+        import_shots([log], rig=FACTS, shot_map=shot_map)
+
+
 @pytest.mark.parametrize("damage", [
     lambda data, at: data[:at] + bytes(len(data) - at),                              # not written before power went
     lambda data, at: data[:at] + data[at + 2000:],                                  # a part is lost
