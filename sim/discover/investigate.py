@@ -36,7 +36,7 @@ from truearc.sim.discover.select import simulations as worth
 from truearc.sim.discover.select.simulations import Freed, Mixed, all_freed, mixed, shares, track_errors
 from truearc.sim.discover.select.terms import SURE, by_own_prior
 from truearc.sim.infer import launcher
-from truearc.sim.infer.belief import Belief, Coefficients, Curve, launcher_of, moved_curves, ranges_of
+from truearc.sim.infer.belief import Belief, Coefficients, Curve, moved_curves
 from truearc.sim.infer.fit import Fit, climb, fit_believed
 from truearc.sim.infer.launcher import Launcher, LauncherFit, coefficients_of, covariance_of, scatter_of, stopped
 from truearc.sim.infer.likelihood.data import every_column, take_in
@@ -58,9 +58,9 @@ Gain = Callable[[ScoreTable, ScoreTable], tuple[float, float]]
 class Investigation:
     """The finding, and the data behind the report's pictures. `steps`: one per effect; all but finding are None where
     the data carry no test. belief: of the earlier session that was started from; search: settings of every step's
-    tests; catalogue: of the terms that were tested; ranges: of the shots' settings; launcher: ball and wheels.
-    choice: what is adopted of the steps, once that is judged. threshold: the statistic, in standard deviations, from
-    which a term's test is an alarm. columns: of every shot."""
+    tests; catalogue: of the terms that were tested. choice: what is adopted of the steps, once that is judged.
+    threshold: the statistic, in standard deviations, from which a term's test is an alarm. dataset: all shots, in
+    order."""
 
     finding: FindingRecord
     fitted: LauncherFit | None = None
@@ -69,11 +69,9 @@ class Investigation:
     belief: Belief | None = None
     search: Search | None = None
     catalogue: Catalogue = field(default_factory=catalogue)
-    ranges: dict[str, list[float]] = field(default_factory=dict)
-    launcher: dict[str, float] = field(default_factory=dict)
     choice: "Choice[Simulation] | None" = None
     threshold: float | None = None
-    columns: dict[str, Any] = field(default_factory=dict)
+    dataset: Dataset | None = None
 
 
 def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,
@@ -113,9 +111,8 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
         steps = decide(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
     progress(1.0, "done")
     finding = make_finding(dataset, names, fitted, asked, judged, place, steps, search)
-    return Investigation(finding, fitted, asked, steps, belief, search, among, ranges_of(dataset.shots),
-                         launcher_of(dataset.rig), threshold=judged.threshold(TERMS, false_alarm),
-                         columns=every_column(dataset))
+    return Investigation(finding, fitted, asked, steps, belief, search, among,
+                         threshold=judged.threshold(TERMS, false_alarm), dataset=dataset)
 
 
 def with_worth(investigation: Investigation) -> Investigation:
@@ -341,7 +338,8 @@ class Simulation:
         belief before says how much there is."""
         if self.investigation.belief is not None or self.fitted.model.data.filmed or self.scores.plane is None:
             return None
-        return open_room(self.fitted, self.investigation.columns)
+        assert self.investigation.dataset is not None
+        return open_room(self.fitted, every_column(self.investigation.dataset))
 
     @property
     def empty(self) -> bool:

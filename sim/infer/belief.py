@@ -300,8 +300,9 @@ class Belief(Printed):
     one per row of `covariance` [p, p], which is on the parameters' own scales (module docstring); all others are exact.
     curves: sizes of unexplained effects, by their terms of truearc.sim.physics.catalogue in `coefficients`. catalogue:
     catalogue of the terms that the coefficients name. provenance: origin of the belief, in plain values that a file
-    keeps; nothing is computed from it. balls: {"speed" or "term.parameter": standard deviation between balls}, of the
-    speed as a share; empty where recordings did not tell balls apart.
+    keeps; of these, only forecast_error (truearc.sim.infer.track_forecast) is used in computations. balls: {"speed" or
+    "term.parameter": standard deviation between balls}, of the speed as a share; empty where recordings did not tell
+    balls apart.
     """
 
     coefficients: Coefficients

@@ -4,11 +4,14 @@ A flight is approximately linear in the parameters that all flights share (those
 and in the ball's deviations from its configuration. All have normal priors. The observations of the flights (samples,
 measured exits) turn these into a normal posterior, which gives a position with its standard deviation at every time.
 Flights are simulated again at their most likely deviations until these converge.
+
+This leaves out what the model gets wrong within a flight, of which sparse samples cannot tell it from noise. How far
+the ends of its own flights were off is therefore measured when a belief is made, and widens the bands of forecasts.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -16,15 +19,18 @@ from scipy.linalg import block_diag
 
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Tracks, circumstances_of
-from truearc.sim.infer.belief import Belief, along
+from truearc.sim.infer.belief import Belief, along, launcher_of, ranges_of
 from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.data import Intake, every_column, take_in
 from truearc.sim.infer.likelihood.layout import believed_name, is_tracker, lay_out
 from truearc.sim.infer.likelihood.linearization import LEAD, TRACK, variance_of
-from truearc.sim.infer.likelihood.observations import FEWEST_SAMPLES, PAD
+from truearc.sim.infer.likelihood.noise import UNMEASURED_M
+from truearc.sim.infer.likelihood.observations import FEWEST_SAMPLES, PAD, samples_of
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics.simulate import POINT_S, trajectories
 
+MEASURED_SHARE, MEASURED = 0.4, 60           # of a flight that is known, and flights, of `forecast_error`; chosen
+ERROR = "forecast_error"                     # its key in a belief's provenance
 STEP_S, LONGEST_S = 2.0 * POINT_S, 2.0       # between places where no sample says when, and how far they go
 ROUNDS, SETTLED = 8, 0.01                    # of flying again; standard deviations that deviations may still move
 
@@ -52,7 +58,36 @@ def forecast_flights(dataset: Dataset, belief: Belief, share: float) -> list[Fli
                          f"fewer than {FEWEST_SAMPLES} samples of each are known")
     t_s = [later[row] for row in data.samples.rows.tolist()]
     model = _launcher(data, belief, t_s, blind=share == 0.0)
-    return _forecast(model, doubt_of(model, belief), t_s, to_floor=share == 1.0)
+    known = belief.provenance.get(ERROR)
+    wider = max(1.0, float(known)) if isinstance(known, int | float) and share > 0.0 else 1.0
+    return [one._replace(sd_m=wider * one.sd_m) for one in _forecast(model, doubt_of(model, belief), t_s, share == 1.0)]
+
+
+def known_of(dataset: Dataset, belief: Belief) -> dict[str, Any]:
+    """Return what a belief's provenance says of the shots it was made from: the ranges of their settings, the rig, and,
+    with tracks, the error of forecasts."""
+    return {"range": ranges_of(dataset.shots), "rig": launcher_of(dataset.rig),
+            **({ERROR: forecast_error(dataset, belief)} if dataset.tracks is not None else {})}
+
+
+def forecast_error(dataset: Dataset, belief: Belief) -> float:
+    """Return by how many standard deviations (root mean square, at least 1) ends of the dataset's tracks are off
+    forecasts from their first MEASURED_SHARE; 1 if no track can be forecast."""
+    if dataset.tracks is None:
+        return 1.0
+    rows = np.unique(dataset.tracks.shot)
+    some = dataset.take(rows[np.linspace(0, len(rows) - 1, min(len(rows), MEASURED)).astype(int)].tolist())
+    samples, noise, _ = samples_of(some)
+    if samples is None or noise is None or samples.real.sum(1).max() < 2 * FEWEST_SAMPLES:
+        return 1.0
+    seen, square = noise.sigma_m < UNMEASURED_M, []
+    assert some.tracks is not None
+    where = dict(some.tracks.by_shot())
+    for one in forecast_flights(some, replace(belief, provenance={}), MEASURED_SHARE):
+        end = where[one.row][-1]
+        off = one.place_m[-1:] - [[some.tracks.x_m[end], some.tracks.y_m[end], some.tracks.z_m[end]]]
+        square.extend((off**2 / (one.sd_m[-1:]**2 + noise.sigma_m**2))[0, seen] if len(one.t_s) else ())
+    return float(max(1.0, np.sqrt(np.mean(square)))) if square else 1.0
 
 
 def _by_settings(dataset: Dataset, belief: Belief) -> tuple[Dataset, dict[int, Array]]:

@@ -27,6 +27,7 @@ from truearc.sim.discover.report import pages
 from truearc.sim.discover.report.finding_text import console_lines
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.likelihood.layout import Measurement, check_believed, column_of
+from truearc.sim.infer.track_forecast import known_of
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Printed, Progress
@@ -94,9 +95,9 @@ class Finding(FindingReport):
         if "unfit" in provenance and self.investigation.belief is None:
             raise InputError(f"{self.name}: nothing is adopted: {provenance['unfit']}")
         accepted = {"accepted": list(self.record.data.accepted)} if self.record.data.accepted else {}
-        return replace(belief, provenance={"dataset": self.name, **accepted, **provenance,
-                                           "range": self.investigation.ranges,
-                                           "rig": self.investigation.launcher})
+        dataset = self.investigation.dataset
+        assert dataset is not None
+        return replace(belief, provenance={"dataset": self.name, **accepted, **provenance, **known_of(dataset, belief)})
 
     def lines(self) -> list[str]:
         """Return the report: a sentence with the verdict, followed by a few lines."""

@@ -17,10 +17,11 @@ from truearc.errors import InputError, whole_file
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import hash_dataset
-from truearc.sim.infer.belief import Belief, launcher_of, point_belief, ranges_of, replace_values, scale_of
+from truearc.sim.infer.belief import Belief, launcher_of, point_belief, replace_values, scale_of
 from truearc.sim.infer.fit_report import CrossValidation, cross_validate, fit_lines, number_text
 from truearc.sim.infer.intervals import Pooling, ProfileInterval, one_rig, pool_normal, profile_interval, said_by
 from truearc.sim.infer.launcher import MapFit, fit_map
+from truearc.sim.infer.track_forecast import ERROR, known_of
 from truearc.sim.paper import STEP
 from truearc.sim.paper.grid_fit import GridFit, Score, draw_map, explain, fit_grid, map_deviation, provenance_of, score
 from truearc.sim.physics.term import LINEAR, Term, from_scale
@@ -77,8 +78,7 @@ class Fit(Printed):
             "method": "ml", "dataset": self.dataset.name, "dataset_sha256": hash_dataset(self.dataset),
             "truearc": version("truearc"), "shots": len(fit.scores.rows), "terms": list(fit.terms),
             "log_posterior": fit.log_posterior, "evidence": fit.fitted.model.data.used,
-            "left_out": list(fit.fitted.model.data.left_out), "range": ranges_of(self.dataset.shots),
-            "rig": launcher_of(self.dataset.rig),
+            "left_out": list(fit.fitted.model.data.left_out), **known_of(self.dataset, fit.belief),
             **({"accepted": list(self.dataset.accepted)} if self.dataset.accepted else {}),
             "interval90": {one.name: [one.low90, one.high90] for one in self.intervals}}
         held = self.holdout
@@ -223,6 +223,8 @@ class Pooled(Printed):
                 "shots": sum(len(fit.solution.scores.rows) for fit in self.fits),
                 "range": {name: [min(one[name][0] for one in ranges), max(one[name][1] for one in ranges)]
                           for name in ranges[0] if all(name in one for one in ranges)},
+                **({ERROR: max(errors)} if (errors := [fit.belief.provenance[ERROR] for fit in self.fits
+                                                       if ERROR in fit.belief.provenance]) else {}),
                 **({"rig": launcher_of(self.fits[0].dataset.rig)} if self._one_rig else {})}
         return replace(point_belief(moved.coefficients, moved.scatter, first.catalogue), names=self.names,
                        covariance=self.solution.next_one, provenance=said)

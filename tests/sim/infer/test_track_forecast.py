@@ -1,6 +1,8 @@
 """Forecasts of tracks against closed forms, and against ends of flights that another program made."""
 
 import csv
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 import truearc as ta
 from truearc.cli.main import main
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Noise, Rig
-from truearc.sim.infer.belief import point_belief
+from truearc.sim.infer.belief import Belief, point_belief
 
 TRACKS = Path(__file__).parents[3] / "examples" / "tracks"
 G, MASS_KG, RADIUS_M, HEIGHT_M = 9.81, 0.14, 0.09, 5.0
@@ -68,6 +70,34 @@ def test_ends_of_flights_that_another_program_made_lie_in_their_bands(tmp_path: 
         lambda name, one: float(ends[name][f"{one}_band_m"])))
     assert np.sqrt(np.mean(off[:, 2]**2)) < 0.05
     assert 0.8 <= (np.abs(off) < np.hypot(band, Z90 * 0.005)).mean() <= 1.0  # 5 mm of camera noise
+
+
+def drops(seed: int, law: Callable[[np.ndarray], np.ndarray]) -> ta.Dataset:
+    """Twelve balls that were let go and fell by this law, seen by a camera of 2 mm."""
+    names, t_s = [f"{seed}-{k}" for k in range(12)], np.arange(0.0, 0.9, 0.02)
+    x_m, y_m, z_m = np.random.default_rng(seed).normal(0.0, 0.002, (3, len(names), len(t_s)))
+    return ta.dataset({"shot_id": names}, rig=RIG, tracks={
+        "shot_id": np.repeat(names, len(t_s)), "t_s": np.tile(t_s, len(names)), "x_m": x_m.ravel(), "y_m": y_m.ravel(),
+        "z_m": (law(t_s) + z_m).ravel()})
+
+
+def test_bands_include_what_the_model_got_wrong_in_the_flights_it_was_fitted_to() -> None:
+    def slowed_by_v(t_s: np.ndarray, rest_s: float = 0.6) -> np.ndarray:       # Stokes: the closed form
+        return np.asarray(HEIGHT_M - G * rest_s * (t_s - rest_s * (1.0 - np.exp(-t_s / rest_s))))
+
+    for law, wrong in ((lambda t_s: fallen(t_s, 0.5), False), (slowed_by_v, True)):
+        belief = ta.fit(drops(4, law), ["gravity", "drag"], accept=["gravity"]).belief
+        later = drops(5, law)
+        assert (belief.provenance["forecast_error"] > 1.7) == wrong
+
+        def held(known: Belief, later: ta.Dataset = later, law: Callable[[np.ndarray], np.ndarray] = law) -> float:
+            """Of the last places, the share in the band."""
+            table = ta.predict(later, known, tracks=0.4, accept=["gravity"])
+            t_s, z_m, band_m = (np.array(table.column(one), float).reshape(12, -1)[:, -1]
+                                for one in ("t_s", "z_m", "z_band_m"))
+            return float((np.abs(z_m - law(t_s)) < band_m).mean())
+        assert held(belief) >= 0.75
+        assert (held(replace(belief, provenance={})) < 0.5) == wrong
 
 
 def test_what_cannot_be_forecast_is_said(capsys: pytest.CaptureFixture[str]) -> None:
