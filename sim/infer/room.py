@@ -7,7 +7,7 @@ over distance, hood and speed (truearc.sim.infer.belief.smooth), normally distri
 which the constant moves heights by UNIT_M. Their standard deviation is estimated by EM (Dempster et al. 1977) from a
 prior of PRIOR_M that counts as much as WEIGHT points, and it is never 0. The points are parameters of the fit like any
 other, so a belief holds them with their covariance. The spread between balls is estimated in the same way, from the
-prior of the layout.
+prior of the layout, which counts as one ball.
 """
 
 from collections.abc import Mapping
@@ -31,6 +31,9 @@ ROOM = {term: complete(find_nameless(term), values) for term, values in {
 OVER = ("distance_m", "hood_deg", "exit_deg", "exit_speed_m_s")
 # Chosen: errors of 2 cm where the ball arrives are usual; four points more make little of it
 PRIOR_M, WEIGHT = 0.02, 4.0
+# Measured on development seasons 20060 to 20064: with 4, a spread of 1.5 % remains of the prior's 3 % where balls are
+# alike, and a camera scale of 4 % is found in 4 of 5; with 1 in 5 of 5
+BALLS_WEIGHT = 1.0                    # balls, as many as the prior of the spread between balls counts
 UNIT_M = 0.1                          # only a unit
 # Chosen: ten times; at 45 degrees no height depends on the elevation
 MOST_USUAL = 10.0                     # times what a curve's term usually amounts to: the largest unit
@@ -112,11 +115,12 @@ def sizes_by_em(information: Float[Array, "P P"], toward: Float[Array, " P"], pr
     precision, centre: the prior of columns that are no curve's.
     """
     count = np.array([(owner == k).sum() for k in range(len(unit))])
+    weight = np.where(np.arange(len(unit)) < len(ROOM), WEIGHT, BALLS_WEIGHT)
     sd = np.full(len(unit), PRIOR_M / UNIT_M)
     for _ in range(STEPS):
         prior = with_sizes(precision, owner, sd * unit)
         covariance = invert(information + prior)
         square = (covariance @ (toward + prior @ centre))**2 + np.diag(covariance)
         total = np.array([square[owner == k].sum() for k in range(len(unit))]) / unit**2
-        sd = np.sqrt((WEIGHT * (PRIOR_M / UNIT_M)**2 + total) / (WEIGHT + count))
+        sd = np.sqrt((weight * (PRIOR_M / UNIT_M)**2 + total) / (weight + count))
     return sd
