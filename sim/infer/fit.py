@@ -18,8 +18,7 @@ from truearc.sim.printed import Progress, part_of
 
 ROUNDS = 40                           # of flying, and of steps between two flights
 INNER = 10                            # at most each
-PATIENCE = 8                          # flights that gain nothing, before what slopes promise is no longer believed,
-LITTLE = 2                            # and without samples, where they promise no more than WORTH
+PATIENCE = 8                          # flights that gain nothing, before what slopes promise is no longer believed
 # Source: Nocedal and Wright 2006, algorithm 4.1
 POOR, GOOD = 0.25, 0.75               # of the gain that slopes promise: below it steps get shorter, above it longer
 HALVINGS = 8                          # of a step at most
@@ -228,7 +227,7 @@ def climb(model: AnyModel, point: Any, progress: Progress = lambda done, note: N
         here = _Visited(fit, flown, fit.log_posterior)
         idle = 0 if here.value > highest + _slack(model) else idle + 1
         highest = max(highest, here.value)
-        if idle > PATIENCE or (idle >= LITTLE and not model.sampled and gain < WORTH):
+        if idle > PATIENCE:
             break
         gained = -np.inf if kept is None else here.value - kept.value
         if kept is not None and gained < POOR * gain:         # flights bend more than was allowed for
