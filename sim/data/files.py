@@ -137,7 +137,7 @@ def _one_by_one(table: RawTable, problems: Problems) -> RawTable:
         return table
     cols.need_columns(table, cols.SALVO)
     fired, hits = (cols.number_column(table, name, problems, needed=False) for name in cols.SALVO)
-    rows, outcome, names = list[int](), list[Cell](), list[Cell]()
+    rows, outcome, names, words = list[int](), list[Cell](), list[Cell](), list[Cell]()
     told, ids = (
         table.columns.get(name, [None] * len(table.lines)) for name in ("outcome", "shot_id"))
     for row, (balls, scored) in enumerate(zip(fired, hits, strict=True)):
@@ -151,7 +151,7 @@ def _one_by_one(table: RawTable, problems: Problems) -> RawTable:
             table.fault(problems, row, "outcome", "stands beside fired and hits, which say it: leave one of them empty")
             continue
         else:
-            words = [cols.HIT] * int(scored) + ["miss"] * int(balls - scored)
+            words = [*[cols.HIT] * int(scored), *["miss"] * int(balls - scored)]
         rows += [row] * int(balls)
         outcome += words
         names += [ids[row]] if balls == 1 else [f"{cols.cell_text(ids[row])}.{ball + 1}" for ball in range(int(balls))]

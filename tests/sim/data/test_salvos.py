@@ -16,7 +16,8 @@ HEAD = "shot_id,distance_m,hood_deg,motor_ratio,fired,hits,outcome,side\n"
 def loaded(home: Path, *rows: str) -> Dataset:
     shutil.rmtree(home / "d", ignore_errors=True)
     assert main(["init", "--game", "frc-2026", str(home / "d")]) == 0
-    rig = (home / "d" / "rig.toml").read_text().replace("= nan", "= 0.05")
+    rig = (home / "d" / "rig.toml").read_text()
+    rig = rig.replace("free_speed_rad_s = nan", "free_speed_rad_s = 594.0").replace("= nan", "= 0.05")
     (home / "d" / "rig.toml").write_text(rig)
     (home / "d" / "shots.csv").write_text(HEAD + "\n".join(rows) + "\n")
     return load_dataset(home / "d")
