@@ -21,6 +21,7 @@ from truearc.robot.types import Aim, Estimate, Inputs, Memory, Outcome, Shot
 
 R2 = (0.7548776662466927, 0.5698402909980532)   # additive recurrence that fills the unit square evenly
 FEASIBLE_DEG = 12.0                   # launch at least this much above the line of sight to the target
+STEEP = 0.5                           # a ball comes down to an opening that faces up at least this steeply: a tangent
 WALK_CENTRE_M, WALK_CENTRE_DEG = 5.0, 45.0    # where the walk's slope terms vanish
 WALK_SPAN_M, WALK_SPAN_DEG = 2.0, 8.0          # ... and their scale: about the spread of the trials
 EXPLAINED = 0.25                      # a trim of this share of the spread explains a mark on its own side
@@ -211,13 +212,16 @@ def _elevation(distance_m: float, target: Target, trial: int, config: Config) ->
     hood_share, trim = plan(trial, collect)
     rise_m = target.centre_height_m - config.rig.launcher.release_height_m
     sight_deg = math.degrees(math.atan2(rise_m, max(distance_m, 0.1)))
+    if target.faces_up:               # a parabola comes down as much less steeply than it rises as sight_deg is high
+        sight_deg = math.degrees(math.atan(2.0 * math.tan(math.radians(sight_deg)) + STEEP))
     low = min(max(collect.hood_low_deg, sight_deg + FEASIBLE_DEG), config.hood.high_deg)
     high = max(low, collect.hood_high_deg)
     return low + (high - low) * hood_share, trim
 
 
 # to which side of the target a missed shot goes, by which the correction walks; a shot that scored moves nothing
-SIDES = {"miss-low": -1, "miss-high": 1, "two": 0, "two-low": 0, "two-high": 0, "three": 0}
+SIDES = {"miss-low": -1, "miss-high": 1, "two": 0, "two-low": 0, "two-high": 0, "three": 0, "miss-left": 0,
+         "miss-right": 0}
 
 
 def operate(inputs: Inputs, memory: Memory, config: Config) -> tuple[Memory, tuple[Outcome, ...]]:

@@ -19,7 +19,8 @@ from truearc.hw.fault_codes import BOX_LINES_REFUSED, BOX_PRESSES_LOST, BOX_PRES
 from truearc.hw.protocols import ButtonEvent
 from truearc.hw.reason import Reason
 
-BUTTONS = ("arm", "fire", "miss-low", "miss-high", "two", "two-low", "two-high", "three", "reject", "accept")
+BUTTONS = ("arm", "fire", "miss-low", "miss-high", "two", "two-low", "two-high", "three", "reject", "accept",
+           "miss-left", "miss-right")
 HEARTBEAT_NS = 500_000_000
 SEQ_COUNT = 65536
 LONGEST = 64                                      # bytes; no line is longer

@@ -1,4 +1,5 @@
-"""The emulated camera: its lens, images of the retro-reflective half hexagon under a ring light, and image server.
+"""The emulated camera: its lens, images of the retro-reflective half hexagon under a ring light, or of an AprilTag, and
+image server.
 
 The camera shares no code with the vision module. To save time, the background (lights, reflections) is drawn once, the
 noise comes from one tile that is shifted at random, and the tape is drawn only within its bounding box. What is drawn
@@ -115,6 +116,14 @@ class TapeSize:
 
 
 @dataclass(frozen=True)
+class TagSize:
+    """A tag of the family 36h11 on a white plate; side_m: of its black square."""
+
+    number: int
+    side_m: float
+
+
+@dataclass(frozen=True)
 class Look:
     """Blur, bloom, noise and exposure of a picture."""
 
@@ -206,6 +215,42 @@ class EmulatedCamera:
         side = 2 * math.ceil(3 * self._look.blur_px) + 1
         blurred: Plane = cv2.GaussianBlur(plane, (side, side), self._look.blur_px)
         return blurred
+
+
+TAG_CELLS, CELL_PX, TAG_FINER = 8, 32, 4          # of a black square; of the drawn tag; parts of a pixel, each way
+WHITE, BLACK = 200.0, 18.0            # of the plate and of the tag, in the light of the hall
+
+
+class TagCamera(EmulatedCamera):
+    """Pictures of an AprilTag."""
+
+    def __init__(self, scene: Scene, lens: Lens, tag: TagSize, seed: int, look: Look | None = None) -> None:
+        super().__init__(scene, lens, TapeSize(1.0, 1.0, 1.0, 0.1), seed, look)
+        half, (x, y) = tag.side_m * (0.5 + 1.0 / TAG_CELLS), (np.array([-1, 1, 1, -1]), np.array([1, 1, -1, -1]))
+        self._outline_m = half * np.column_stack([x, y, np.zeros(4)])
+        family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+        self._sheet = np.full((CELL_PX * (TAG_CELLS + 2),) * 2, WHITE, np.float32)
+        inside = slice(CELL_PX, -CELL_PX)
+        self._sheet[inside, inside] = np.where(
+            cv2.aruco.generateImageMarker(family, tag.number, CELL_PX * TAG_CELLS) > 0, WHITE, BLACK)
+
+    def _draw(self, noise: Image, dice: npt.NDArray[np.int64], exposure: float) -> Image:
+        image: Image = cv2.add(self._background, noise)
+        view = self._scene.view()
+        edges = self._edges(view)
+        box = None if edges is None else self._box(edges)
+        if edges is not None and box is not None:
+            x0, y0, x1, y1 = box
+            seen = distort(edges, self._lens) if any(self._lens.distortion) else edges
+            size, side = ((x1 - x0) * TAG_FINER, (y1 - y0) * TAG_FINER), len(self._sheet)
+            flat = np.array([[0, 0], [side, 0], [side, side], [0, side]], np.float32) - np.float32(0.5)
+            turn = cv2.getPerspectiveTransform(flat, ((seen - [x0, y0] + 0.5) * TAG_FINER - 0.5).astype(np.float32))
+            lit, cover = (cv2.resize(cv2.warpPerspective(part, turn, size, flags=cv2.INTER_LINEAR), (x1 - x0, y1 - y0),
+                                     interpolation=cv2.INTER_AREA) for part in (self._sheet, np.ones_like(self._sheet)))
+            lit = self._spread(lit) * np.float32(self._look.gain * exposure)
+            behind = image[y0:y1, x0:x1] * (1.0 - self._spread(cover))[..., None] + lit[..., None]
+            cv2.add(np.clip(np.rint(behind), 0, 255).astype(np.uint8), noise[y0:y1, x0:x1], dst=image[y0:y1, x0:x1])
+        return image
 
 
 def outline_m(tape: TapeSize) -> Array:

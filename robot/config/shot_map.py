@@ -17,9 +17,10 @@ MEASURED = ("distance_m", "hood_deg", MOTOR, "battery_v")        # by a sensor e
 NOT_MARKED = ("rejected", "")         # marks of shots that are to be left out
 # outcome and side by the button that marks it
 OUTCOMES = {"miss-low": ("miss", "low"), "two-low": ("two", "low"), "two": ("two", ""), "three": ("three", ""),
-            "two-high": ("two", "high"), "miss-high": ("miss", "high")}
+            "two-high": ("two", "high"), "miss-high": ("miss", "high"), "miss-left": ("miss", "left"),
+            "miss-right": ("miss", "right")}
 MARKS = {**OUTCOMES, "miss": ("miss", ""), "hit": ("hit", ""), "low": ("miss", "low"), "high": ("miss", "high"),
-         **{f"miss-{side}": ("miss", side) for side in ("short", "long", "left", "right")}}
+         **{f"miss-{side}": ("miss", side) for side in ("short", "long")}}
 
 
 class Signal(Struct, frozen=True, forbid_unknown_fields=True):

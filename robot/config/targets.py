@@ -101,6 +101,13 @@ class Target(Struct, frozen=True):
         hit = POINTS_UP if isinstance(self.points, UnsetType) else self.points
         return hit, hit if isinstance(self.ring, UnsetType) else self.ring.points
 
+    def button(self, name: str) -> str:
+        """Return what a button of the box, or a mark, is called at this opening."""
+        if not self.faces_up:
+            return name
+        words = {"two": self.word("two")} | {f"miss-{side}": word for side, word in SIDES_UP.items()}
+        return words.get(name, name.removeprefix("miss-"))
+
     def noted(self, outcome: str, side: str) -> tuple[str, str]:
         """Return an outcome and its side in the words of this opening; a ball that went into one that faces up has no
         side."""

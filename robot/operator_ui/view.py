@@ -20,10 +20,11 @@ from truearc.hw.protocols import NS, MotorReading
 from truearc.hw.reason import FAULT, YOU, Message, Reason, fill
 from truearc.robot import reasons as bot
 from truearc.robot.config.schema import Config
+from truearc.robot.config.targets import Target
 from truearc.robot.estimate import HEARTBEAT_S
 from truearc.robot.motors import name_axes
 from truearc.robot.reasons import BOX_GONE, FIRE_NOT_REQUESTED, NOT_RECORDING, text
-from truearc.robot.types import Outcome, Shot, Sighting, Tick
+from truearc.robot.types import Outcome, Shot, Sighting, Tick, Verdict
 
 TAKEN_NS = 500_000_000                # a controller that is enabled drives by then: it tells its state every 0.1 s
 FIRED_S = 0.5                         # a verdict of FIRE lasts one tick; the tile stays for as long as one can read it
@@ -31,6 +32,9 @@ ABSENT = "–"
 RECENT = 6                            # trials that are listed
 SEVERAL = ("motor", "device", "joint")           # reasons that differ in these alone are shown as one ...
 PASSING = ("age_s",)                  # ... regardless of these
+# what a message says of the buttons, and what it says where the target faces up
+MARKS_UP = ("MISS-LOW, MISS-HIGH, TWO or THREE",
+            "MISS-LOW (short), MISS-HIGH (long), MISS-LEFT, MISS-RIGHT or TWO (hit)")
 
 
 class PageTrial(Struct, frozen=True):
@@ -194,9 +198,11 @@ class PageView(Struct, frozen=True):
 
 def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> PageView:
     """Return the page's view; `tick` is the glance's own; `recording`: where it is recorded, "" = nowhere."""
-    told = tell(_as_shown(reason, glance, tick, config) for reason in tick.verdict.reasons)
+    told, target = tell(_as_shown(reason, glance, tick, config) for reason in tick.verdict.reasons), config.rig.target
+    if target is not None and target.faces_up:
+        told = tuple(replace(one, do=one.do.replace(*MARKS_UP)) for one in told)
     fire = _is_fire(glance, tick, told)
-    blocks = (_aim(glance.sighting, tick, config), _robot(tick, recording), _shots(glance),
+    blocks = (_aim(glance.sighting, tick, config), _robot(tick, recording), _shots(glance, target),
               _links(glance.sighting, tick, config))
     belief = tick.estimate
     return PageView(glance.seq, round(tick.inputs.t_ns * NS, 3), "FIRE" if fire else "HOLD", _tone(tick, fire, told),
@@ -255,7 +261,13 @@ def _aim(sighting: Sighting | None, tick: Tick, config: Config) -> Block:
         Line("hood", f"{_number(belief.hood_deg, '.1f')}{f' of {aim.hood_deg:.1f}' if wanted else ''}°",
              belief.hood_deg is not None and (not wanted
                                               or abs(belief.hood_deg - aim.hood_deg) <= config.hood.tolerance_deg)),
-        Line("p(three)", _number(verdict.p_three, ".0%")), Line("p(two)", _number(verdict.p_two, ".0%")), *by_belief))
+        *_chances(verdict, config.rig.target), *by_belief))
+
+
+def _chances(verdict: Verdict, target: Target | None) -> tuple[Line, ...]:
+    if target is not None and target.faces_up and target.hit_or_miss:
+        return (Line("p(hit)", _number(verdict.p_three, ".0%")),)
+    return Line("p(three)", _number(verdict.p_three, ".0%")), Line("p(two)", _number(verdict.p_two, ".0%"))
 
 
 def _given(value: float | UnsetType) -> float:
@@ -289,17 +301,21 @@ def _robot(tick: Tick, recording: str) -> Block:
              bool(recording) and not trouble)))
 
 
-def _shots(glance: Glance) -> Block:
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in sorted(glance.outcomes.items()) if count)
+def _shots(glance: Glance, target: Target | None) -> Block:
+    counts = ", ".join(f"{count} {_word(mark, target)}" for mark, count in sorted(glance.outcomes.items()) if count)
     return Block("Shots", (Line("this session", f"{glance.shots} fired" + (f": {counts}" if counts else "")),
-                           *(_trial(one) for one in reversed(glance.recent))))
+                           *(_trial(one, target) for one in reversed(glance.recent))))
 
 
-def _trial(one: PageTrial) -> Line:
+def _word(outcome: str, target: Target | None) -> str:
+    return outcome if target is None or outcome in ("held", "rejected") else target.button(outcome)
+
+
+def _trial(one: PageTrial, target: Target | None) -> Line:
     name = f"{one.trial}" + (f" from {one.shot.distance_m:.2f} m" if one.shot is not None else "")
     if one.outcome == "held":
         return Line(name, "held: " + "; ".join(told.means for told in tell(one.reasons)[:1]))
-    return Line(name, one.outcome or "not marked yet", bool(one.outcome))
+    return Line(name, _word(one.outcome, target) or "not marked yet", bool(one.outcome))
 
 
 def _links(sighting: Sighting | None, tick: Tick, config: Config) -> Block:

@@ -74,7 +74,7 @@ def chances_of(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor
     opening, target = opening_of(rig, belief.coefficients, belief.catalogue), rig.target
     assert target is not None
     if target.faces_up:
-        lands = forecast_landings(rig, belief, shots, led=True, nodes=False, wider=wider)
+        lands = forecast_landings(rig, belief, shots, led=True, wider=wider)
         chance = lands.seen.class_chances(lands.mean_m, lands.spread_m, lapses=False) * lands.reached[:, None]
         off_m = np.where(lands.reached, lands.mean_m - lands.seen.centred(lands.mean_m), np.nan)
         return Chances(off_m, chance[:, 1] + chance[:, 2], chance[:, 2], lands.per_log_speed, target.worth)

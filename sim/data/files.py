@@ -30,6 +30,7 @@ LEFT_OUT, IMPORTED = "left_out.txt", "imported.toml"
 Column = Sequence[str] | np.ndarray
 FIRST = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome", "side")
 RIG = "rig.toml"
+MOST_FIRED = 100                      # balls of a salvo; more are rows put together
 
 
 class Imported(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -77,7 +78,8 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
     """
     if tracks and times:
         raise InputError(f"{times.path}: there are tracks, too: they tell when the ball was where; keep one of the two")
-    shots = _with_angles(cols.in_read_units(shots, cols.is_shot_column, problems), rig, problems)
+    shots = _one_by_one(cols.in_read_units(shots, cols.is_shot_column, problems), problems)
+    shots = _with_angles(shots, rig, problems)
     shots, rig = _settle_hits(shots, rig, has_three, problems)
     checked = replace(_shots(shots, problems), written=shots.written)
     _check_sides(shots, checked.texts, rig, problems)
@@ -126,6 +128,36 @@ def _shots(table: RawTable, problems: Problems) -> Shots:
         if name in numbers:
             table.fault(problems, -1, name, f"stands without {' and '.join(lacking)}; a spin needs all three parts")
     return Shots(shot_id, numbers, texts, str(table.path))
+
+
+def _one_by_one(table: RawTable, problems: Problems) -> RawTable:
+    """Make a row of each ball of a salvo: `hits` of `fired` balls, in an order that nobody knows, are as likely as so
+    many single ones, up to a factor."""
+    if not set(cols.SALVO) & set(table.columns):
+        return table
+    cols.need_columns(table, cols.SALVO)
+    fired, hits = (cols.number_column(table, name, problems, needed=False) for name in cols.SALVO)
+    rows, outcome, names, words = list[int](), list[Cell](), list[Cell](), list[Cell]()
+    told, ids = (
+        table.columns.get(name, [None] * len(table.lines)) for name in ("outcome", "shot_id"))
+    for row, (balls, scored) in enumerate(zip(fired, hits, strict=True)):
+        if np.isnan(balls) and np.isnan(scored):
+            balls, words = 1, [told[row]]
+        elif balls not in range(1, MOST_FIRED + 1) or scored not in range(int(balls) + 1):
+            table.fault(problems, row, "hits", f"{scored:g} of fired {balls:g}: both are whole numbers, hits at most "
+                        f"fired, and fired from 1 to {MOST_FIRED}")
+            continue
+        elif told[row] is not None:
+            table.fault(problems, row, "outcome", "stands beside fired and hits, which say it: leave one of them empty")
+            continue
+        else:
+            words = [*[cols.HIT] * int(scored), *["miss"] * int(balls - scored)]
+        rows += [row] * int(balls)
+        outcome += words
+        names += [ids[row]] if balls == 1 else [f"{cols.cell_text(ids[row])}.{ball + 1}" for ball in range(int(balls))]
+    columns = {name: [cells[row] for row in rows] for name, cells in table.columns.items() if name not in cols.SALVO}
+    columns |= {"outcome": outcome} | ({"shot_id": names} if "shot_id" in columns else {})
+    return replace(table, columns=columns, lines=[table.lines[row] for row in rows])
 
 
 def _with_angles(table: RawTable, rig: Rig, problems: Problems) -> RawTable:

@@ -367,7 +367,8 @@ UNITS = ("m", "s", "deg", "rad", "rad_s", "rev_s", "m_s", "v", "a", "c", "k", "p
 NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.ASCII | re.IGNORECASE)
 # columns of shots without a range of their own that code reads by name
-OTHERS = ("config_id", "shot_id", SERVO)
+SALVO = ("fired", "hits")             # balls of a row at one setting, and how many of them scored
+OTHERS = ("config_id", "shot_id", SERVO, *SALVO)
 # column of shots -> words by which a name means it, unless it or one of these is there
 MEANT_BY: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "shot_id": ({"shot", "id"}, ()),

@@ -24,6 +24,7 @@ from its posterior by Gibbs sampling on a grid whose points its prior makes equa
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations
 from typing import NamedTuple
 
@@ -153,7 +154,7 @@ class Profile:
     """The profile of one parameter, as a function of the distance of its column from the optimum."""
 
     def __init__(self, fit: MapFit, one: Sought) -> None:
-        self.fit, self.one = fit, one
+        self.fit, self.one, self.at = fit, one, cache(self._at)
         self.free: Bool[np.ndarray, " P"] = np.arange(len(fit.scores.columns)) != one.column
         self.train = np.full(len(fit.scores.rows), True)
         covariance = fit.scores.covariance
@@ -167,7 +168,7 @@ class Profile:
         best = min((0.0, float(found.x)), key=lambda step: self.at(step).cost)
         self.middle, self.ground = best, self.at(best)
 
-    def at(self, step: float) -> _Held:
+    def _at(self, step: float) -> _Held:
         """Return the profile with flights linear about the optimum."""
         evidence = self.fit.scores
         change = fit_linear(evidence, self.train, self.ridge * step, self.free)

@@ -1,9 +1,8 @@
 """Forecasts of where balls come down at an opening that faces up, made from a belief before the shot.
 
 The miss along and the miss across are normal, to first order, by what scatters from shot to shot, by the sensors'
-noise and by the uncertainty of the belief; slopes are those of the fit. With nodes, shots that barely reach the rim are
-mixtures over simulated launches, as in the likelihood. Without nodes, the first order applies to them, too; its spread
-diverges there, so that `aim` avoids such shots.
+noise and by the uncertainty of the belief; slopes are those of the fit. Shots that barely reach the rim are mixtures
+over the height of their highest point, as in the likelihood.
 """
 
 from dataclasses import replace
@@ -40,8 +39,7 @@ class Landings(NamedTuple):
     seen: Outcomes
 
 
-def forecast_landings(rig: Rig, belief: Belief, shots: Shots, *, led: bool = False, nodes: bool = True,
-                      wider: float = 1.0) -> Landings:
+def forecast_landings(rig: Rig, belief: Belief, shots: Shots, *, led: bool = False, wider: float = 1.0) -> Landings:
     """Forecast each shot from its wheel speeds (or motor_ratio), hood_deg and distance_m.
 
     Args:
@@ -49,7 +47,6 @@ def forecast_landings(rig: Rig, belief: Belief, shots: Shots, *, led: bool = Fal
         belief: Coefficients, scatter and covariance; without a scatter, the usual one counts.
         shots: Settings; other columns are ignored.
         led: The robot aims beside the target by the drift, so that the mean miss across is none.
-        nodes: Simulate launches of shots that barely reach the rim.
         wider: Times the spread.
     """
     settings = replace(shots, texts={"outcome": ("miss",) * len(shots)})
@@ -57,12 +54,14 @@ def forecast_landings(rig: Rig, belief: Belief, shots: Shots, *, led: bool = Fal
     layout = replace(lay_out(data, tuple(belief.coefficients), None, belief.catalogue, belief), steady=True)
     model = Launcher(data, layout).shared_only()
     point, inputs = model.believed(), len(model.layout.inputs)
-    flown = linearization.fly(data, model.layout, point, nodes)
+    flown = linearization.fly(data, model.layout, point)
     plane, slopes = np.asarray(flown.seen.plane), np.nan_to_num(flown.slopes.plane)
     sd = np.sqrt(linearization.variance_of(data, point.log_scatter))[:, None, :model.layout.chain.deviates]
     by = np.concatenate([slopes[..., inputs:] * sd, slopes[..., :inputs] @ doubt_of(model, belief, False)], axis=2)
+    rise = linearization.rise_of(wider * by, plane[:, TOP], flown.fall_s)
+    by[:, 0] -= np.nan_to_num(rise[:, [2]]) * by[:, TOP]
     spread = wider * np.sqrt((by[:, :2]**2).sum(2) + FLOOR_M**2)
     across = np.stack([plane[:, 1] * (not led), spread[:, 1]], axis=1)
     reached = np.asarray(flown.seen.near) & (plane[:, TOP] > 0.0)
     return Landings(data.rows, plane[:, 0], spread[:, 0], slopes[:, 0, inputs], reached,
-                    data.seen.at(plane, across, flown.nodes))
+                    data.seen.at(plane, across, rise))

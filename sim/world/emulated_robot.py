@@ -29,7 +29,7 @@ from truearc.errors import InputError
 from truearc.hw.devices.button_box import ButtonBox, open_button_box
 from truearc.hw.devices.family import AttachedMotor, Axis
 from truearc.hw.devices.registry import family_of
-from truearc.hw.emulated.camera import NOTHING, EmulatedCamera, Lens, PictureServer, Stage, TapeSize
+from truearc.hw.emulated.camera import NOTHING, EmulatedCamera, Lens, PictureServer, Stage, TagCamera, TagSize, TapeSize
 from truearc.hw.emulated.nodes import Node, Plant, StepClock, Stepper, Twin, View
 from truearc.hw.emulated.serial_link import SlcanAdapter, SocketCable, open_cable
 from truearc.hw.fault_codes import PROCESS_ENDED
@@ -50,10 +50,10 @@ from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import Screen, run, with_screen
 from truearc.robot.tick import step
 from truearc.robot.types import Sighting
-from truearc.robot.vision import detect
+from truearc.robot.vision import find_target
 from truearc.sim.printed import Progress
 from truearc.sim.world.drive import FEEDER, FLYWHEEL, HOOD
-from truearc.sim.world.field import BallResult
+from truearc.sim.world.field import TAPE_M, BallResult
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
 
@@ -131,7 +131,7 @@ def look(ours: IO[bytes], theirs: IO[bytes]) -> None:
     cv2.setNumThreads(1)
     stage = Stage(NOTHING)
     config, seed = pickle.load(ours)
-    camera = EmulatedCamera(stage, make_lens(config.camera), make_tape(config.tape), seed)
+    camera = make_camera(config, stage, seed)
     pictures: deque[CameraFrame] = deque(maxlen=KEPT)
     while True:
         try:
@@ -143,7 +143,7 @@ def look(ours: IO[bytes], theirs: IO[bytes]) -> None:
         else:
             stage.now = what
             pictures.append(camera.expose(t_ns))
-            answer = detect(pictures[-1], config.camera, config.tape, config.vision)
+            answer = find_target(pictures[-1], config)
         pickle.dump(answer, theirs)
         theirs.flush()
 
@@ -151,6 +151,26 @@ def look(ours: IO[bytes], theirs: IO[bytes]) -> None:
 def make_lens(camera: CameraConfig) -> Lens:
     return Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px,
                 camera.distortion)
+
+
+def make_camera(config: Config, stage: Stage, seed: int) -> EmulatedCamera:
+    """Return the camera of an emulated world in which the mark that the configuration's camera looks for hangs."""
+    if config.camera.target == "apriltag" and config.apriltag is not None:
+        tag = TagSize(config.apriltag.ids[0], config.apriltag.side_m)
+        return TagCamera(stage, make_lens(config.camera), tag, seed)
+    return EmulatedCamera(stage, make_lens(config.camera), make_tape(config.tape), seed)
+
+
+def make_world(config: Config, seed: int, options: Options | None = None) -> World:
+    """Return a world with the configuration's target, if that faces up, and its ball; and with its AprilTag, if any."""
+    target, tag, mark_m = config.rig.target, config.apriltag, TAPE_M
+    if config.camera.target == "apriltag" and tag is not None:
+        mark_m = -tag.behind_m, tag.centre_height_m
+    if target is None or not target.faces_up:
+        return World(seed, options, mark_m=mark_m)
+    ball = config.rig.ball
+    options = replace(options or Options(), ball_mass_kg=ball.mass_kg, ball_radius_m=ball.radius_m)
+    return World(seed, options, target=target, mark_m=mark_m)
 
 
 def make_tape(tape: Tape) -> TapeSize:
@@ -215,7 +235,7 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
                              gate_path.read_bytes() if gate_path else None, lossless=True,
                              aim=aim_path.read_bytes() if aim_path else None)
     with closing(recorder):
-        world, box = World(seed, options), open_button_box()
+        world, box = make_world(config, seed, options), open_button_box()
         driver = make_driver(config, world, box.press, trials, seed)
         pace = None if page is None else Pace(MonotonicClock())
         limit_ns = int(LONGEST_TRIAL_S * trials * 1e9)
@@ -294,7 +314,7 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
     The driver begins when the robot is first heard on the bus. `watchdog_ms`: of the motor drivers.
     """
     check_emulated(config)
-    world = World(seed, options)
+    world = make_world(config, seed, options)
     clock = MonotonicClock()
     heard = threading.Event()
 
@@ -307,7 +327,7 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
         wires.callback(bus.close)
         box = open_button_box(prompt=False)
         wires.callback(box.unplug)
-        camera = CameraServer(config.camera, config.tape, seed, world.view)
+        camera = CameraServer(config, seed, world.view)
         wires.callback(camera.close)
         driver = make_driver(config, world, box.press, trials, seed)
 
@@ -353,12 +373,12 @@ def keep_time(clock: Clock, advance: Callable[[int], None], over: Callable[[], b
 class CameraServer:
     """A camera whose pictures are drawn by a separate thread when due, and served at `url`."""
 
-    def __init__(self, camera: CameraConfig, tape: Tape, seed: int, look: Callable[[], View]) -> None:
+    def __init__(self, config: Config, seed: int, look: Callable[[], View]) -> None:
         self._server = PictureServer()
         self.url = self._server.url
         self._look, self._stage = look, Stage(look())
-        self._camera = EmulatedCamera(self._stage, make_lens(camera), make_tape(tape), seed)
-        self._period_ns, self._due_ns = round(1e9 / camera.fps), 0
+        self._camera = make_camera(config, self._stage, seed)
+        self._period_ns, self._due_ns = round(1e9 / config.camera.fps), 0
         self._due, self._over = threading.Event(), False
         self._thread = threading.Thread(target=self._draw, name="camera", daemon=True)
         self._thread.start()
@@ -389,6 +409,7 @@ BETWEEN_S = 0.2                   # from one press to the next
 JAM_S = 10.0                      # a ball that has gone in and not come out is given up after this
 REJECTED_SHARE = 0.02             # share of trials that the driver knows to be worthless
 MAX_TRIALS_AT_A_STOP = 3
+PLACES_M, PLACES_UP_M = (2.6, 8.0), (1.8, 4.5)    # from where balls reach an upright opening, and one that faces up
 
 
 class Driver:
@@ -401,7 +422,7 @@ class Driver:
     """
 
     def __init__(self, world: World, press: Callable[[str], None], trials: int, seed: int,
-                 distances: tuple[float, float] = (2.6, 8.0), patience_s: float = 8.5, repeats: int = 1,
+                 distances: tuple[float, float] = PLACES_M, patience_s: float = 8.5, repeats: int = 1,
                  places: Sequence[float] = (), jam_s: float = JAM_S, rejected_share: float = REJECTED_SHARE) -> None:
         self._world, self._press, self._trials = world, press, trials
         self._distances, self._places, self._repeats = distances, places, repeats
@@ -485,5 +506,6 @@ class Driver:
 
 def make_driver(config: Config, world: World, press: Callable[[str], None], trials: int, seed: int) -> Driver:
     """Return a driver who shoots any prescribed configurations, and waits as long as the robot tries."""
-    return Driver(world, press, trials, seed, patience_s=config.gate.request_s + 0.5, repeats=config.collect.repeats,
-                  places=[row.distance_m for row in config.collect.prescribed])
+    up = config.rig.target is not None and config.rig.target.faces_up
+    return Driver(world, press, trials, seed, PLACES_UP_M if up else PLACES_M, config.gate.request_s + 0.5,
+                  config.collect.repeats, [row.distance_m for row in config.collect.prescribed])

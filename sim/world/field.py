@@ -14,13 +14,14 @@ import mujoco
 import numpy as np
 
 from truearc.hw.emulated.nodes import View
+from truearc.sim.world.goal import IN_M, STEPS, Goal
 from truearc.sim.world.options import Options
-from truearc.sim.world.scene import FLIGHT_STEP_S, LOWER_Z_M, TOUCH_X_M, Ball, Released, make_flight, rotate_from_launch
+from truearc.sim.world.scene import FLIGHT_STEP_S, Ball, Gap, Released, make_flight, rotate_from_launch
 
 CENTRE_HEIGHT_M = 2.44
 THREE_RADIUS_M = 0.07
 TWO_HALF_HEIGHT_M = 0.35
-TAPE_HEIGHT_M = 2.27965           # middle of the retro-reflective tape, in the same plane
+TAPE_M = 0.0, 2.27965             # middle of the retro-reflective tape: in the same plane, and its height
 TOP_SPEED_M_S = 1.5
 ACCELERATION_M_S2 = 3.0
 BRAKING_M_S2 = 2.0                # planned; ACCELERATION_M_S2 is what the wheels can do either way
@@ -134,8 +135,10 @@ class Chassis:
         return (float(side * min(LATERAL_M, LATERAL_SHARE * distance_m)), float(math.radians(HEADING_DEG) * turn))
 
 
-def look(pose: Pose, options: Options) -> View:
-    """Return camera axes from target axes (see View): both placed in the field, the camera on the robot's heading."""
+def look(pose: Pose, options: Options, mark_m: tuple[float, float] = TAPE_M) -> View:
+    """Return camera axes from target axes (see View): both placed in the field, the camera on the robot's heading.
+
+    mark_m: x and z of the middle of what marks the target."""
     cos_h, sin_h = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     pitch_rad = math.radians(options.camera_pitch_deg + options.camera_pitch_error_deg)
     forward = np.array([cos_h * math.cos(pitch_rad), sin_h * math.cos(pitch_rad), math.sin(pitch_rad)])
@@ -146,7 +149,7 @@ def look(pose: Pose, options: Options) -> View:
     field_from_target = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     transform = np.eye(4)
     transform[:3, :3] = camera_from_field @ field_from_target
-    transform[:3, 3] = camera_from_field @ (np.array([0.0, 0.0, TAPE_HEIGHT_M]) - lens_m)
+    transform[:3, 3] = camera_from_field @ (np.array([mark_m[0], 0.0, mark_m[1]]) - lens_m)
     return View(transform, options.camera_focal_scale, options.ring_light)
 
 
@@ -159,10 +162,11 @@ BLUNT = 1                         # the drag coefficient's place in MuJoCo's geo
 
 def from_exit_point(released: Released, elevation_rad: float, options: Options) -> Released:
     """Convert the nip's axes to the launcher's."""
-    offset_m = rotate_from_launch(released.position_m - np.array([TOUCH_X_M, 0.0, 0.0]), elevation_rad)
+    gap = Gap.of(options)
+    offset_m = rotate_from_launch(released.position_m - np.array([gap.touch_x_m, 0.0, 0.0]), elevation_rad)
     offset_m[2] += EXIT_HEIGHT_M + options.release_height_error_m
     if options.release_arc:
-        arm_m = np.array([TOUCH_X_M, 0.0, -LOWER_Z_M])            # lower wheel's axle to exit point
+        arm_m = np.array([gap.touch_x_m, 0.0, -gap.lower_z_m])            # lower wheel's axle to exit point
         offset_m += (rotate_from_launch(arm_m, elevation_rad) - rotate_from_launch(arm_m, math.radians(ARC_MIDDLE_DEG)))
     return Released(offset_m, rotate_from_launch(released.velocity_m_s, elevation_rad),
                     rotate_from_launch(released.spin_rad_s, elevation_rad))
@@ -178,11 +182,14 @@ def in_field(ball: Released, pose: Pose, robot_m_s: float) -> Released:
 
 
 class Arrival(NamedTuple):
-    """Where and when the ball's centre crossed the target plane; `y_m` and `z_m` None if it met the floor first."""
+    """Where and when the ball's centre crossed the target plane; `y_m` and `z_m` None if it met the floor first.
+
+    Of a target that faces up, `outcome` is what became of the ball, and `z_m` is always None."""
 
     after_s: float
     y_m: float | None
     z_m: float | None
+    outcome: str = ""
 
 
 class Flight:
@@ -191,9 +198,11 @@ class Flight:
     `record` has everything about the shot except the arrival. Wind and drag are constant for FLIGHT_STEP_S at a time.
     """
 
-    def __init__(self, ball: Ball, options: Options, start: Released, record: BallResult | None = None) -> None:
-        self._radius_m, self._options, self._record = ball.radius_m, options, record
-        self._model = model = make_flight(ball, options)
+    def __init__(self, ball: Ball, options: Options, start: Released, record: BallResult | None = None,
+                 goal: Goal | None = None) -> None:
+        self._radius_m, self._options, self._record, self._goal = ball.radius_m, options, record, goal
+        self._crossed_m: tuple[float, float] | None = None
+        self._model = model = make_flight(ball, options, goal)
         self.data = data = mujoco.MjData(model)
         data.qpos[:3] = start.position_m
         data.qvel[:3] = start.velocity_m_s
@@ -212,6 +221,11 @@ class Flight:
             self._owed_s -= FLIGHT_STEP_S
             before = data.qpos[:3].copy(), data.qvel[:3].copy(), data.time
             self._meet_air()
+            if self._goal is not None:
+                self.arrival = self._meet_goal(self._goal)
+                if self.arrival is not None:
+                    return
+                continue
             mujoco.mj_step(model, data)
             if data.qpos[0] >= 0.0 or data.qpos[2] <= self._radius_m or data.time > LONGEST_S:
                 self.arrival = self._arrive(*before)
@@ -223,7 +237,23 @@ class Flight:
         if record is None or arrival is None:
             return None
         return record._replace(arrival_t_ns=record.exit_t_ns + round(arrival.after_s * 1e9), y_m=arrival.y_m,
-                               z_m=arrival.z_m, outcome=classify(arrival.y_m, arrival.z_m))
+                               z_m=arrival.z_m, outcome=arrival.outcome or classify(arrival.y_m, arrival.z_m))
+
+    def _meet_goal(self, goal: Goal) -> Arrival | None:
+        """Fly FLIGHT_STEP_S on; return what became of a ball that is far enough below the rim, or on the floor."""
+        data = self.data
+        for _ in range(STEPS):
+            before = goal.place(data.qpos[:3])
+            mujoco.mj_step(self._model, data)
+            along_m, left_m, above_m = goal.place(data.qpos[:3])
+            if before[2] >= 0.0 > above_m:
+                share = before[2] / (before[2] - above_m)
+                self._crossed_m = (before[0] + share * (along_m - before[0]), before[1] + share * (left_m - before[1]))
+        fell = self._crossed_m is not None and above_m < -IN_M
+        if not fell and data.qpos[2] > self._radius_m and data.time <= LONGEST_S:
+            return None
+        return Arrival(data.time, None if self._crossed_m is None else self._crossed_m[1], None,
+                       goal.word(self._crossed_m, fell and goal.holds(along_m, left_m)))
 
     def _meet_air(self) -> None:
         """Set wind and drag for where the ball is, and how fast, where the options ask for either."""

@@ -33,6 +33,8 @@ class Options(Struct, frozen=True, forbid_unknown_fields=True):
     spin_drag_coefficient: Annotated[float, Meta(ge=0.0, le=20.0)] = 0.0  # MuJoCo's angular drag; 0 = spin is kept
 
     # balls
+    ball_mass_kg: Annotated[float, Meta(ge=0.02, le=1.0)] = 0.14
+    ball_radius_m: Annotated[float, Meta(ge=0.05, le=0.2)] = 0.0889       # the launcher's wheels stand as far apart
     ball_mass_scale: Annotated[float, Meta(ge=0.5, le=3.0)] = 1.0
     ball_radius_scale: Annotated[float, Meta(ge=0.96, le=1.1)] = 1.0
     ball_stiffness_scale: Annotated[float, Meta(ge=0.3, le=3.0)] = 1.0

@@ -12,11 +12,11 @@ import mujoco
 import numpy as np
 
 from truearc.sim.world.drive import LOWER_INERTIA_KG_M2, UPPER_GEAR, UPPER_INERTIA_KG_M2, step_shaft
+from truearc.sim.world.goal import STEPS, Goal
 from truearc.sim.world.options import Options
 
 RACK = 12
-MASS_KG = 0.14
-RADIUS_M = 0.0889
+RADIUS_M = 0.0889                 # of the ball for which the launcher is drawn; for others the wheels are farther apart
 STIFFNESS_N_M = 8000.0            # of one squeezed side; 23 mm on each side is then 184 N
 
 # Standard deviations at scatter_scale 1. Between balls of one rack:
@@ -45,7 +45,26 @@ VISCOSITY_PA_S = 1.8e-5
 # Nominal geometry of the nip: x along the launch direction, z from lower to upper wheel, origin midway in the gap.
 LOWER_Z_M = -(LOWER_RADIUS_M + GAP_M / 2.0)
 UPPER_Z_M = UPPER_RADIUS_M + GAP_M / 2.0
-TOUCH_X_M = math.sqrt((RADIUS_M + LOWER_RADIUS_M) ** 2 - LOWER_Z_M**2)    # where a ball on the axis leaves the wheels
+
+
+class Gap(NamedTuple):
+    """Where the wheels of a launcher for the world's balls are: heights of their axles, and x where a ball on the axis
+    leaves them."""
+
+    lower_z_m: float
+    upper_z_m: float
+    touch_x_m: float
+
+    @classmethod
+    def of(cls, options: Options) -> "Gap":
+        wider_m = options.ball_radius_m - RADIUS_M
+        lower_z_m = LOWER_Z_M - wider_m
+        return cls(lower_z_m, UPPER_Z_M + wider_m,
+                   math.sqrt((options.ball_radius_m + LOWER_RADIUS_M)**2 - lower_z_m**2))
+
+    @property
+    def start_x_m(self) -> float:
+        return -self.touch_x_m - MARGIN_M
 
 
 class Ball(NamedTuple):
@@ -82,8 +101,8 @@ class Rack:
         warm = max(0.2, 1.0 + options.stiffness_per_c * (options.temperature_c - 20.0))
         return Ball(
             ball_id=f"ball{number + 1:02d}",
-            mass_kg=MASS_KG * options.ball_mass_scale * float(1.0 + MASS_SHARE * mass),
-            radius_m=RADIUS_M * options.ball_radius_scale * float(1.0 + RADIUS_SHARE * radius)
+            mass_kg=options.ball_mass_kg * options.ball_mass_scale * float(1.0 + MASS_SHARE * mass),
+            radius_m=options.ball_radius_m * options.ball_radius_scale * float(1.0 + RADIUS_SHARE * radius)
             * (1.0 - options.wear_radius_per_shot) ** used,
             stiffness_n_m=STIFFNESS_N_M * options.ball_stiffness_scale * float(1.0 + STIFFNESS_SHARE * stiffness)
             * warm * (1.0 - options.wear_stiffness_per_shot) ** used,
@@ -115,19 +134,22 @@ def make_nip(ball: Ball, options: Options, gravity_m_s2: np.ndarray, wind_m_s: n
     m (k r + b dr/dt). Tangentially it gives a traction proportional to slip, at most friction x normal force.
     """
     k_per_s2 = ball.stiffness_n_m / ball.mass_kg
-    scale = options.flywheel_inertia_scale
+    scale, gap = options.flywheel_inertia_scale, Gap.of(options)
     xml = _scene("nip.xml").format(
-        step=NIP_STEP_S, impratio=FRICTION_OVER_NORMAL, lower_z=LOWER_Z_M, upper_z=UPPER_Z_M, lower_r=LOWER_RADIUS_M,
-        upper_r=UPPER_RADIUS_M, lower_j=LOWER_INERTIA_KG_M2 * scale, upper_j=UPPER_INERTIA_KG_M2 * scale,
+        step=NIP_STEP_S, impratio=FRICTION_OVER_NORMAL, lower_z=gap.lower_z_m, upper_z=gap.upper_z_m,
+        lower_r=LOWER_RADIUS_M, upper_r=UPPER_RADIUS_M, lower_j=LOWER_INERTIA_KG_M2 * scale,
+        upper_j=UPPER_INERTIA_KG_M2 * scale,
         gear=UPPER_GEAR, mu=FRICTION * ball.friction_scale, k=-k_per_s2, b=-2.0 * DAMPING_RATIO * math.sqrt(k_per_s2),
         bt=-TRACTION_KG_S * ball.friction_scale / ball.mass_kg, d=SOFTNESS, ball=_ball(ball, options))
     return _compiled(xml, options, gravity_m_s2, wind_m_s)
 
 
-def make_flight(ball: Ball, options: Options) -> mujoco.MjModel:
-    """Return one ball in the air, in field axes: x towards the target, y left, z up."""
+def make_flight(ball: Ball, options: Options, goal: Goal | None = None) -> mujoco.MjModel:
+    """Return one ball in the air, in field axes: x towards the target, y left, z up. It bounces off the goal."""
     wind_m_s = np.array([options.wind_x_m_s, options.wind_y_m_s, options.wind_z_m_s])
-    xml = _scene("flight.xml").format(step=FLIGHT_STEP_S, ball=_ball(ball, options))
+    xml = _scene("flight.xml").format(step=FLIGHT_STEP_S / (1 if goal is None else STEPS),
+                                      ball=_ball(ball, options, touches=goal is not None),
+                                      goal="" if goal is None else goal.xml())
     return _compiled(xml, options, np.array([0.0, 0.0, -GRAVITY_M_S2]), wind_m_s)
 
 
@@ -145,12 +167,12 @@ def _compiled(xml: str, options: Options, gravity_m_s2: np.ndarray, wind_m_s: np
     return model
 
 
-def _ball(ball: Ball, options: Options) -> str:
+def _ball(ball: Ball, options: Options, touches: bool = False) -> str:
     # MuJoCo's drag is C rho A v^2, without the customary half.
     return _scene("ball.xml").format(
         mass=ball.mass_kg, inertia=0.4 * ball.mass_kg * ball.radius_m**2, radius=ball.radius_m,
         blunt=0.5 * options.drag_coefficient * ball.drag_scale, angular=options.spin_drag_coefficient,
-        magnus=options.magnus_coefficient)
+        magnus=options.magnus_coefficient, touches=int(touches))
 
 
 @cache
@@ -169,17 +191,16 @@ PULL_N = 8.0
 REACH_M = 0.03                    # the roller lets go this far before the line of wheel centres
 RELOAD_S = 0.5                    # the hopper's next ball is there this long after the last one left
 
-START_X_M = -TOUCH_X_M - MARGIN_M
-WAIT_X_M = START_X_M - CHUTE_M
-
 
 class Feeder:
     """Motor and roller; `ball_x_m` is the waiting ball's place in the nip's axes, None while there is none."""
 
-    def __init__(self) -> None:
+    def __init__(self, options: Options | None = None) -> None:
         self.speed_rad_s = 0.0
         self.position_rad = 0.0
-        self.ball_x_m: float | None = WAIT_X_M
+        self._start_x_m = Gap.of(options or Options()).start_x_m
+        self._wait_x_m = self._start_x_m - CHUTE_M
+        self.ball_x_m: float | None = self._wait_x_m
         self._reload_s = 0.0
 
     @property
@@ -193,15 +214,15 @@ class Feeder:
         self.position_rad += turned_rad
         if self._reload_s > 0.0:
             self._reload_s -= dt_s
-            self.ball_x_m = WAIT_X_M if self._reload_s <= 0.0 else self.ball_x_m
+            self.ball_x_m = self._wait_x_m if self._reload_s <= 0.0 else self.ball_x_m
         if self.ball_x_m is None:
             return None
         ahead_m = turned_rad * ROLLER_M
-        place_m = max(self.ball_x_m + ahead_m, WAIT_X_M)
-        if place_m < START_X_M:
+        place_m = max(self.ball_x_m + ahead_m, self._wait_x_m)
+        if place_m < self._start_x_m:
             self.ball_x_m = place_m
             return None
-        left_s = dt_s * (place_m - START_X_M) / ahead_m if ahead_m > 0.0 else 0.0
+        left_s = dt_s * (place_m - self._start_x_m) / ahead_m if ahead_m > 0.0 else 0.0
         self.ball_x_m = None
         return min(left_s, dt_s)
 
@@ -217,7 +238,7 @@ class Feeder:
 
     def take_back(self, x_m: float) -> None:
         """Note that the wheels threw the ball back into the chute."""
-        self.ball_x_m = max(min(x_m, START_X_M - 1e-4), WAIT_X_M)
+        self.ball_x_m = max(min(x_m, self._start_x_m - 1e-4), self._wait_x_m)
 
 
 class Released(NamedTuple):
@@ -248,7 +269,8 @@ class Nip:
         self.elevation_rad = elevation_rad
         self._model = make_nip(ball, options, gravity, wind)
         self._data = data = mujoco.MjData(self._model)
-        data.qpos[2:5] = (START_X_M, 0.0, ball.seat_m)
+        self._start_x_m = Gap.of(options).start_x_m
+        data.qpos[2:5] = (self._start_x_m, 0.0, ball.seat_m)
         data.qvel[:5] = (wheel_rad_s, UPPER_GEAR * wheel_rad_s, feed_m_s, ball.side_m_s, 0.0)
         self._touched = False
         self.released: Released | None = None
@@ -284,7 +306,7 @@ class Nip:
         if data.qpos[2] > 0.0 and self._touched:
             self.released = self._release()
             return True
-        self.thrown_back = bool(data.qpos[2] < START_X_M - 0.002)
+        self.thrown_back = bool(data.qpos[2] < self._start_x_m - 0.002)
         return self.thrown_back
 
     def _release(self) -> Released:

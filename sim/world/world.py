@@ -16,14 +16,15 @@ import numpy as np
 
 from truearc.hw.emulated.nodes import MotorTruth, View
 from truearc.hw.protocols import NS
-from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.rig_spec import Rig, Target
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots, Traces
 from truearc.sim.data.recordings import AFTER_S, BEFORE_S
 from truearc.sim.printed import Progress
 from truearc.sim.world import drive
 from truearc.sim.world.drive import FLYWHEEL, HOOD_COULOMB_NM, Battery, Belt, Drawn, Hood, Motor, drive_motor, flexed
-from truearc.sim.world.field import BallResult, Chassis, Flight, Pose, from_exit_point, in_field, look
+from truearc.sim.world.field import TAPE_M, BallResult, Chassis, Flight, Pose, from_exit_point, in_field, look
+from truearc.sim.world.goal import Goal
 from truearc.sim.world.options import Options
 from truearc.sim.world.scene import Feeder, Nip, Rack, Released
 
@@ -44,13 +45,16 @@ class World:
 
     motors = tuple(_MOTORS)
 
-    def __init__(self, seed: int, options: Options | None = None, distance_m: float = START_DISTANCE_M) -> None:
+    def __init__(self, seed: int, options: Options | None = None, distance_m: float = START_DISTANCE_M,
+                 target: Target | None = None, mark_m: tuple[float, float] = TAPE_M) -> None:
+        """target: one that faces up, in place of the usual opening. mark_m: as of truearc.sim.world.field.look."""
         self._options = options = options or Options()
+        self._goal, self._mark_m = Goal(target) if target is not None and target.faces_up else None, mark_m
         self._t_ns = 0
         self._battery = Battery(options)
         self.belt = Belt(options)
         self.hood = Hood(float(np.random.default_rng([seed, 5]).uniform(20.0, 70.0)), options)
-        self._feeder = Feeder()
+        self._feeder = Feeder(options)
         self._rack = Rack(seed, options)
         self.chassis = Chassis(seed, distance_m, options.pose_scale)
         self._shots = 0
@@ -98,7 +102,7 @@ class World:
         """Return the tape as the camera sees it from the robot's present position."""
         pose = self.chassis.pose()
         if self._view is None or self._view[0] != pose:
-            self._view = (pose, look(pose, self._options))
+            self._view = (pose, look(pose, self._options, self._mark_m))
         return self._view[1]
 
     # --- truth, for the driver, tests and benches
@@ -182,7 +186,7 @@ class World:
             exit_deg=math.degrees(math.atan2(z_m_s, math.hypot(x_m_s, y_m_s))),
             exit_spin_rev_s=float(-launcher.spin_rad_s[1]) / (2.0 * math.pi),
             fed_t_ns=self._fed_t_ns, exit_t_ns=exit_t_ns)
-        return Flight(nip.ball, self._options, field, record)
+        return Flight(nip.ball, self._options, field, record, self._goal)
 
 
 TICK_NS = 5_000_000
@@ -318,13 +322,18 @@ def play_season(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSe
     The same arguments give the same season. `session` is "1" throughout; balls are not told apart.
     """
     trials = shoot(rig, options, seed, settings, sensors, np.random.default_rng([seed, 7]), progress)
-    return season_of(rig, seed, trials, level, [OUTCOMES[trial.result.outcome] for trial in trials])
+    return season_of(rig, seed, trials, level, [mark_of(trial.result.outcome, rig) for trial in trials])
+
+
+def mark_of(button: str, rig: Rig) -> tuple[str, str]:
+    """Return outcome and side by a button, in the words of the rig's target."""
+    return rig.target.noted(*OUTCOMES[button]) if rig.target is not None else OUTCOMES[button]
 
 
 def shoot(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSetting], sensors: Sensors,
           rng: np.random.Generator, progress: Progress, watch: Watch = lambda world: None) -> list[Trial]:
     """Shoot the settings; rng: of the readings; watch: for tracks. TimeoutError if the robot gets ready for none."""
-    bench = Bench(World(seed, options, settings[0].distance_m), watch)
+    bench = Bench(World(seed, options, settings[0].distance_m, rig.target), watch)
     trials: list[Trial] = []
     for number, setting in enumerate(settings):
         progress(number / len(settings), f"{number} of {len(settings)} shots")

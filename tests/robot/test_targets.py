@@ -119,3 +119,10 @@ def test_hits_and_misses_with_sides_are_read(tmp_path):
                                         "c,3,60,miss,left\n")
     dataset = load_dataset(tmp_path)
     assert "3 shots (1 hit, 2 miss)" in dataset.lines()[0] and "1 short, 1 left" in "\n".join(dataset.lines())
+
+
+def test_buttons_follow_the_target() -> None:
+    hub = Target(1.83, facing="up", shape="circle", radius_m=0.6)
+    pressed = ("miss-low", "miss-high", "miss-left", "miss-right", "two")
+    assert [hub.button(name) for name in pressed] == ["short", "long", "left", "right", "hit"]
+    assert [Target(2.44).button(name) for name in pressed] == list(pressed)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from truearc.api.results import Table
 from truearc.robot.config.schema import Config
+from truearc.robot.config.targets import Target
 from truearc.robot.reasons import text
 from truearc.robot.recording.session import load_trials
 from truearc.robot.runtime import Screen
@@ -15,17 +16,18 @@ from truearc.sim.world import emulated_robot as engine
 from truearc.sim.world.field import BallResult
 from truearc.sim.world.options import Options
 
-KINDS = ("three", "two-high", "two", "two-low", "miss-high", "miss-low")
+KINDS = ("three", "two-high", "two", "two-low", "miss-high", "miss-low", "miss-left", "miss-right")
 
 
 @dataclass(frozen=True)
 class Emulation(Printed):
     """Result of each ball that the emulated robot launched. `where`: its session folder, or its bus; `held`: number of
-    held trials for each reason, by one of its texts."""
+    held trials for each reason, by one of its texts; target: of the configuration."""
 
     where: str | Path
     balls: tuple[BallResult, ...]
     held: Mapping[str, int] = field(default_factory=dict)
+    target: Target | None = None
 
     def table(self) -> Table:
         """Return a row per ball: configuration, launch, position at the target's plane, and outcome."""
@@ -34,7 +36,8 @@ class Emulation(Printed):
     def lines(self) -> list[str]:
         """Return the number of balls launched, and the number with each outcome."""
         counts = Counter(ball.outcome for ball in self.balls)
-        marks = ", ".join(f"{counts[kind]} {kind}" for kind in KINDS if counts[kind])
+        words = {kind: kind if self.target is None else self.target.button(kind) for kind in KINDS if counts[kind]}
+        marks = ", ".join(f"{counts[kind]} {word}" for kind, word in words.items())
         return [f"{self.where}: {len(self.balls)} ball{'s' * (len(self.balls) != 1)} launched"
                 + f" ({marks})" * bool(marks),
                 *(f"held {count} time{'s' * (count != 1)}: {why}" for why, count in self.held.items())]
@@ -66,7 +69,7 @@ def emulate(config: Config, folder: str | Path, trials: int, seed: int, options:
     """
     folder = Path(folder)
     balls = tuple(engine.emulate(config, folder, trials, seed, options, gate_path, progress, page, aim_path=aim_path))
-    return Emulation(folder, balls, _held(folder))
+    return Emulation(folder, balls, _held(folder), config.rig.target)
 
 
 def _held(folder: Path) -> dict[str, int]:

@@ -1,6 +1,7 @@
 """The commands that make and check datasets: `init`, `import`, `shots` and `check`."""
 
 import argparse
+import re
 import shlex
 import sys
 import tomllib
@@ -44,9 +45,9 @@ def init(args: argparse.Namespace) -> int:
     them.
     """
     if args.game is not None:
-        if args.robot is not None or args.tracks:
-            raise InputError("--game: goes with a rig.toml that has a target, not with --robot or --tracks")
-        args.dataset = args.dataset or Path(args.game)
+        if args.tracks:
+            raise InputError("--game: goes with a rig.toml that has a target, not with --tracks")
+        args.dataset = args.dataset or (None if args.robot else Path(args.game))
     if (args.dataset is None) == (args.robot is None):
         raise InputError("DIR or --robot FILE: give one of the two")
     if args.robot is not None and args.units:
@@ -55,7 +56,8 @@ def init(args: argparse.Namespace) -> int:
         raise InputError("--tracks: goes with DIR alone; columns in other units are read by their names (x_mm, x_ft)")
     columns = in_units(args.units)
     if args.robot is not None:
-        common.write_out(args.robot, common.SHIPPED.read_text(encoding="utf-8"))
+        text = common.SHIPPED.read_text(encoding="utf-8")
+        common.write_out(args.robot, text if args.game is None else robot_of_game(text, args.game))
         print(f"{args.robot}: change what differs on your launcher; then: truearc doctor --config {args.robot}")
         return 0
     args.dataset.mkdir(parents=True, exist_ok=True)
@@ -76,6 +78,20 @@ def of_game(rig: str, game: str) -> str:
     first, *blocks = (block for block in rig.split("\n\n") if not block.startswith(OF_A_GAME))
     of_launcher = next(number for number, block in enumerate(blocks) if block.startswith("[site]"))
     return "\n\n".join([first, *blocks[:of_launcher], GAMES[game]["blocks"].strip(), *blocks[of_launcher:]])
+
+
+def robot_of_game(launcher: str, game: str) -> str:
+    """Return launcher.toml with the ball and the target of a game, and with its AprilTag, if any."""
+    blocks = [block for block in launcher.split("\n\n") if not block.startswith("[rig.target]")]
+    own = re.sub(r"^\[(?!rig)", "[rig.", GAMES[game]["blocks"].strip(), flags=re.MULTILINE)
+    text = "\n\n".join(own if "[rig.ball]" in block else block for block in blocks)
+    if 'facing = "up"' in own:        # lobbed
+        text = text.replace("hood_high_deg = 54.0", "hood_high_deg = 68.0")
+    if (tag := GAMES[game].get("apriltag")) is None:
+        return text
+    return "\n\n".join(tag.strip() if "\n# [apriltag]" in block else block.replace('# target = "apriltag"  ',
+                                                                                 'target = "apriltag"    ')
+                       for block in text.split("\n\n"))
 
 
 def for_tracks(rig: str) -> str:
@@ -117,7 +133,10 @@ def shots(args: argparse.Namespace) -> int:
     ta.save_dataset(args.out, dataset)
     progress(1.0, f"{len(dataset.shots)} rows")
     outcomes = dataset.shots.text("outcome")
-    counts = ", ".join(f"{outcomes.count(kind)} {kind}" for kind in ("three", "two", "miss"))
+    target = dataset.rig.target
+    up = target is not None and target.hit_or_miss
+    counts = ", ".join(f"{outcomes.count(kind)} {'hit' if up and kind == 'two' else kind}"
+                       for kind in ("three", "two", "miss") if not up or kind != "three")
     print(f"{args.out}: {len(dataset.shots)} shots ({counts}); {len(dataset.left_out)} left out")
     for line in [] if args.quiet else dataset.left_out:
         print(f"  left out: {line}", file=sys.stderr)

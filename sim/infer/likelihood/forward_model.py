@@ -88,7 +88,8 @@ class Prediction(NamedTuple):
     exit: log speed, elevation in rad, backspin in rev/s, of the ball as it leaves. plane: of an upright target, height
     above its centre, lateral position, half heights of three and two points, all in m. Of one that faces up, places
     along and across in the plane of the rim, the ring's radius, half the length (m), velocity along and down (m/s),
-    height of the highest point above the rim (m), bounce of the backboard, speed of the ball's front by backspin (m/s).
+    height of the highest point above the rim (m), bounce of the backboard, speed of the ball's front by backspin (m/s),
+    place along at the highest point (m), acceleration toward the rim (m/s2).
     near: the ball came there. track_m: positions by the tracker.
     """
 
@@ -362,7 +363,7 @@ def _opening(chain: Chain, values: Mapping[str, Any]) -> Opening:
 
 
 def _descend(rig: Rig, opening: Opening, rate: Rate, rough: Rate, ball: BallState,
-             distance_m: Number) -> tuple[Float[jax.Array, "9"], Bool[jax.Array, ""]]:
+             distance_m: Number) -> tuple[Float[jax.Array, "11"], Bool[jax.Array, ""]]:
     """(as in Prediction.plane, near): where the ball last goes down through the plane of an opening that faces up,
     behind its backboard if need be.
 
@@ -403,10 +404,13 @@ def _descend(rig: Rig, opening: Opening, rate: Rate, rough: Rate, ball: BallStat
     ahead = plane.along(end[3], end[5])
     down = jnp.where(reached, -rising, ahead)
     place = jnp.where(reached, along, -opening.two_half_m + REACH * above_m)
-    top_m = jnp.where(reached, 0.5 * rising**2 / (gravity * plane.cosine), above_m)
+    # its highest point, by the parabola through the end
+    slope = rate(end)
+    pull = jnp.maximum(-plane.above(slope[3], slope[5]), LEAST_M_S2)
+    top_m, apex_m = above_m + 0.5 * rising**2 / pull, along + ahead * rising / pull
     front_m_s = -2.0 * jnp.pi * rig.ball.radius_m * ball.spin_rev_s.y
     found = jnp.stack([place, end[1], opening.three_half_m + 0.0 * end[1], opening.two_half_m + 0.0 * end[1], ahead,
-                       down, top_m, opening.bounce + 0.0 * end[1], front_m_s + 0.0 * end[1]])
+                       down, top_m, opening.bounce + 0.0 * end[1], front_m_s + 0.0 * end[1], apex_m, pull])
     return found, jnp.all(jnp.isfinite(found))
 
 

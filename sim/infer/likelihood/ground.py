@@ -6,8 +6,8 @@ along the shot at which the ball goes in. Probabilities are integrals over the m
 quadrature between the corners of the opening, where the length of the interval is smooth. The observable of a ball that
 bounces off the backboard is where it would have come down behind the board. Near the board only gravity matters, so the
 flight after the bounce has a closed form, from which the interval of a hit follows. For a ball that barely reaches the
-rim, the place of arrival is not linear in the launch; such shots are modelled as mixtures over nodes of the launch
-(Nodes), each of which is simulated.
+rim, the place of arrival is not linear in the launch, but the highest point of the flight is; such shots are modelled
+as mixtures over that height, from which the ball falls under gravity alone.
 """
 
 from collections.abc import Sequence
@@ -24,26 +24,28 @@ from scipy.special import ndtr, ndtri
 from truearc.robot.config.rig_spec import Rig, Target
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.likelihood.noise import LAPSE
-from truearc.sim.infer.likelihood.outcomes import CLASSES, SIDED_SHARE, Nodes
+from truearc.sim.infer.likelihood.outcomes import CLASSES, SIDED_SHARE
 from truearc.sim.physics.facing_up import GRIP, clearance, half_along
 
 Array = np.ndarray
 CELLS = ("short", "long", "left", "right", "hit", "ring")
 SHORT, LONG, LEFT, RIGHT, HIT, RING = range(len(CELLS))
 WORDS = {"miss": (SHORT, LONG, LEFT, RIGHT), "two": (HIT,), "three": (RING,)}
-ACROSS, ACROSS_SPREAD, BOUNCE = 1, 2, 3          # of the further numbers; the first widens all edges
-MOVES = 4
-# Derived: a normal distribution between them is summed to 1e-7
-FINE = 24, 6.0                        # nodes of Gauss-Legendre between two corners; standard deviations to the last
-ROUGH = 12, 4.5                       # likewise, of each of many launches; to 1e-4
-# Measured: within 0.01 for many beliefs; for shots that graze the rim, with MEANS, up to 0.27 (git show f4563722)
-COARSE = 5, 0.0                       # by Gauss-Hermite instead, for each of very many beliefs
-MEANS = 97                            # places along, between which the chance of a grazing shot is interpolated
+WIDER, ACROSS, ACROSS_SPREAD, BOUNCE, TOP_M, TOP_SPREAD = range(6)    # the further numbers
+MOVES = 6
+AHEAD, DOWN, PULL = 4, 5, 10                     # of Prediction.plane
+LEANING = 4                                      # of `rise`
+# Derived: a normal distribution between them is summed to 1e-6
+FINE = 16, 5.2                        # nodes of Gauss-Legendre between two corners; standard deviations to the last
+# Measured: chances to 1e-3
+RISING = 24, 4.5                      # likewise, of the root of the height of the highest point
+# Measured: within 0.01 for many beliefs, 0.04 for shots that hardly reach the rim
+COARSE = (5, 0.0), (8, 3.0)           # by Gauss-Hermite, and so few heights, for each of very many beliefs
 STEP = 1e-5                           # of differences, in m, and of the board's bounce
 LEAST_WEIGHT = 1e-10                  # of a node; measured: chances change by at most 2e-9
 BISECTIONS = 40
 # Of a shot whose flight is not yet known: as steep, and as far to the side
-USUAL_PLANE = (0.0, 0.0, 0.0, 0.0, 2.5, 3.5, 0.6, 0.6, 0.0)
+USUAL_PLANE = (0.0, 0.0, 0.0, 0.0, 2.5, 3.5, 0.6, 0.6, 0.0, -0.9, 9.8)
 USUAL_ACROSS_M = 0.1
 ALONG_NODES = ndtri((np.arange(33) + 0.5) / 33.0)          # of a forecast, alike likely
 
@@ -53,8 +55,9 @@ class GroundOutcomes:
     """Observations of n landings relative to the opening's centre; an implementation of Outcomes.
 
     allowed [n, 6]: whether what was recorded leaves each of CELLS possible. sided: most misses have a side. plane
-    [n, 9]: the arrivals (Prediction.plane); across_m [n, 2]: mean and spread of the miss across. change [n, 4]: of the
-    further numbers since: all edges farther out, the mean and the log of the spread across, the board's bounce.
+    [n, 11]: the arrivals (Prediction.plane); across_m [n, 2]: mean and spread of the miss across; rise [n, 6]: as in
+    Outcomes.at. change [n, 6]: of the further numbers since: all edges farther out, the mean and the log of the spread
+    across, the board's bounce, the mean and the log of the spread of the height of the highest point.
     """
 
     target: Target
@@ -63,10 +66,10 @@ class GroundOutcomes:
     allowed: Bool[Array, "n 6"]
     classes: Float[Array, " n"]
     sided: bool
-    plane: Float[Array, "n 9"]
+    plane: Float[Array, "n 11"]
     across_m: Float[Array, "n 2"]
-    change: Float[Array, "n 4"]
-    nodes: Nodes | None = None
+    rise: Float[Array, "n 6"]
+    change: Float[Array, "n 6"]
     moves, axes, quantity = MOVES, 2, "where the ball comes down, along"
 
     @property
@@ -83,46 +86,65 @@ class GroundOutcomes:
         return np.array([0.0, 0.0, 0.0, 0.0, *self.target.worth])
 
     def take(self, index: Int[Array, " k"] | Bool[Array, " n"]) -> "GroundOutcomes":
-        rows = np.arange(len(self.classes))[index]
-        nodes = self.nodes
-        if nodes is not None:
-            places = [(place, at) for place, row in enumerate(rows) for at in np.flatnonzero(nodes.rows == row)]
-            nodes = None if not places else Nodes(np.array([place for place, _ in places]), *(
-                part[[at for _, at in places]] for part in nodes[1:]))
-        return replace(self, radius_m=self.radius_m[rows], allowed=self.allowed[rows], classes=self.classes[rows],
-                       plane=self.plane[rows], across_m=self.across_m[rows], change=self.change[rows], nodes=nodes)
+        return replace(self, **{name: getattr(self, name)[index] for name in (
+            "radius_m", "allowed", "classes", "plane", "across_m", "rise", "change")})
 
     def without_slips(self) -> "GroundOutcomes":
         return self
 
-    def at(self, plane: Float[Array, "n 9"], across_m: Float[Array, "n 2"] | None = None,
-           nodes: Nodes | None = None) -> "GroundOutcomes":
-        return replace(self, plane=plane, across_m=self.across_m if across_m is None else across_m, nodes=nodes)
+    def at(self, plane: Float[Array, "n 11"], across_m: Float[Array, "n 2"] | None = None,
+           rise: Float[Array, "n 6"] | None = None) -> "GroundOutcomes":
+        return replace(self, plane=plane, across_m=self.across_m if across_m is None else across_m,
+                       rise=np.full((len(plane), 6), np.nan) if rise is None else rise)
 
-    def moves_by(self, slope: Float[Array, "n 9 k"]) -> Float[Array, "n 4 k"]:
-        return np.stack([slope[:, 3], slope[:, 1], np.zeros_like(slope[:, 0]), slope[:, 7]], axis=1)
+    def moves_by(self, slope: Float[Array, "n 11 k"]) -> Float[Array, "n 6 k"]:
+        none = np.zeros_like(slope[:, 0])
+        return np.stack([slope[:, 3], slope[:, 1], none, slope[:, 7], slope[:, 6], none], axis=1)
 
-    def moved(self, change: Float[Array, "n 4"]) -> "GroundOutcomes":
+    def moved(self, change: Float[Array, "n 6"]) -> "GroundOutcomes":
         return replace(self, change=self.change + change) if change.any() else self
 
     def cells(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, "n 6"]:
         """Return the chance of each of CELLS, without lapses."""
         return np.asarray(self._cells_by(mean_m, spread_m, False)[0])
 
-    def _cells_by(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"], by: bool) -> Float[Array, "k n 6"]:
-        """The chances of CELLS; where `by`, then their derivatives, as _cells has them."""
-        found = _cells(self, mean_m, spread_m, by)
-        if self.nodes is not None:
-            rows, weight, along_m, across_m, plane, reached = self.nodes
-            many = np.repeat(np.arange(len(rows)), weight.shape[1])
-            one = replace(self, nodes=None).take(rows[many])
-            flat = replace(one, plane=plane.reshape(len(many), -1),
-                           across_m=one.across_m + np.stack([across_m.ravel(), np.zeros(len(many))], axis=1))
-            each = _cells(flat, mean_m[rows][many] + along_m.ravel(), spread_m[rows][many], by, *ROUGH)
-            never = np.zeros((len(each), 1, len(CELLS)))
-            never[0, 0, SHORT] = 1.0
-            each = np.where(reached.ravel()[:, None], each, never)
-            found[:, rows] = (each.reshape(len(each), *weight.shape, -1) * weight[:, :, None]).sum(2)
+    def _cells_by(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"], by: bool,
+                  sums: tuple[int, float] = FINE, rising: tuple[int, float] = RISING) -> Float[Array, "k n 6"]:
+        """The chances of CELLS; where `by`, then their derivatives, as _cells has them, and by the mean and the log
+        spread of the height of the highest point. Shots that hardly reach the rim are sums over that height."""
+        grazing = np.isfinite(self.rise[:, 0])
+        if not grazing.any() and not by:
+            return _cells(self, mean_m, spread_m, by, *sums)
+        clear, low = np.flatnonzero(~grazing), np.flatnonzero(grazing)
+        (top_m, top_sd, along, faster, leaning, fall_s), pull = self.rise[low].T[:, :, None], self.plane[low][:, [PULL]]
+        top_m = top_m + self.change[low][:, [TOP_M]]
+        top_sd = top_sd * np.exp(np.clip(self.change[low][:, [TOP_SPREAD]], -2.0, 2.0))
+        x, w = _legendre(rising[0])
+        first, last = (np.sqrt(np.maximum(top_m + sign * rising[1] * top_sd, 0.0)) for sign in (-1.0, 1.0))
+        root = 0.5 * (first + last) + 0.5 * (last - first) * x
+        higher_m, down = root**2 - top_m, np.sqrt(2.0 * pull) * root
+        z = higher_m / top_sd
+        weight = (last - first) * w * root * np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * top_sd)
+        row, column = np.nonzero(weight > LEAST_WEIGHT)
+        ahead, longer_s = self.plane[low][:, [AHEAD]] + faster * higher_m, down / pull - fall_s
+        wider = np.maximum(1.0 + leaning * longer_s, 0.1)
+        places_m = mean_m[low][:, None] + along * higher_m + ahead * longer_s
+        every, nodes = self.take(np.concatenate([clear, low[row]])), slice(len(clear), None)
+        every.plane[nodes, AHEAD], every.plane[nodes, DOWN] = ahead[row, column], down[row, column]
+        every.rise[nodes, LEANING] = (leaning / wider)[row, column]
+        each = _cells(every, np.concatenate([mean_m[clear], places_m[row, column]]),
+                      np.concatenate([spread_m[clear], (spread_m[low][:, None] * wider)[row, column]]), by, *sums)
+        found = np.zeros((len(each) + 2 * by, len(mean_m), len(CELLS)))
+        found[:len(each), clear], each = each[:, :len(clear)], each[:, nodes]
+        if by:                        # the density's derivatives, at the same height
+            off = z[row, column][:, None]
+            each = np.concatenate([each, [off * each[0] / top_sd[row] - along[row] * each[1],
+                                          (off**2 - 1.0) * each[0]]])
+        total = np.zeros((len(low), len(each), len(CELLS)))
+        np.add.at(total, row, weight[row, column][:, None, None] * np.swapaxes(each, 0, 1))
+        total[:, :, SHORT] -= total.sum(2)          # of balls that never reach it
+        total[:, 0, SHORT] += 1.0
+        found[:, low] = np.swapaxes(total, 0, 1)
         return found
 
     def share(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -132,13 +154,13 @@ class GroundOutcomes:
         return np.asarray(np.log(_with_lapses(self.share(mean_m, spread_m))))
 
     def slopes_and_information(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"],
-                               asked: Bool[Array, " 4"] | None = None
-                               ) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, "n 6 6"]]:
-        cells, by_mean, by_log, by_across, by_log_across = self._cells_by(mean_m, spread_m, True)
+                               asked: Bool[Array, " 6"] | None = None
+                               ) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, "n 8 8"]]:
+        cells, by_mean, by_log, by_across, by_log_across, by_top, by_log_top = self._cells_by(mean_m, spread_m, True)
         board = not isinstance(self.target.backboard, UnsetType)
         wider, by_bounce = (self._difference(number, mean_m, spread_m) if there and (asked is None or asked[number])
-                            else np.zeros_like(cells) for number, there in ((0, True), (BOUNCE, board)))
-        each = [by_mean, by_log, wider, by_across, by_log_across, by_bounce]
+                            else np.zeros_like(cells) for number, there in ((WIDER, True), (BOUNCE, board)))
+        each = [by_mean, by_log, wider, by_across, by_log_across, by_bounce, by_top, by_log_top]
         seen = _with_lapses((cells * self.allowed).sum(1))
         slopes = tuple((1.0 - LAPSE) * (by * self.allowed).sum(1) / seen for by in each)
         groups = self._told_apart()
@@ -167,14 +189,8 @@ class GroundOutcomes:
 
     def chance(self, shot: int, mean_m: Any, spread_m: Any, change: Sequence[Any]) -> Any:
         mean, spread, *moved = np.broadcast_arrays(mean_m, spread_m, *change)
-        one = self.take(np.array([shot]))
-        if one.nodes is not None:     # with the middle of spreads and of the further numbers
-            places = np.linspace(mean.min(), mean.max(), MEANS)
-            middle = one.moved(np.array([[float(np.median(part)) for part in moved]])).take(np.zeros(MEANS, dtype=int))
-            shares = middle.share(places, np.full(MEANS, np.median(spread)))
-            return np.reshape(_with_lapses(np.interp(mean.ravel(), places, shares)), mean.shape)
-        some = one.take(np.zeros(mean.size, dtype=int)).moved(np.stack([part.ravel() for part in moved], axis=1))
-        cells = _cells(some, mean.ravel(), spread.ravel(), False, *COARSE)[0]
+        some = self.take(np.full(mean.size, shot)).moved(np.stack([part.ravel() for part in moved], axis=1))
+        cells = some._cells_by(mean.ravel(), spread.ravel(), False, *COARSE)[0]
         return np.reshape(_with_lapses((cells * some.allowed).sum(1) / cells.sum(1)), mean.shape)
 
     def hit_chance(self, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -220,19 +236,20 @@ def see_landings(shots: Shots, rig: Rig, target: Target) -> tuple[Int[Array, " n
     usual = np.tile(USUAL_PLANE, (len(rows), 1))
     usual[:, 2:4] = target.three_half_height_m, target.two_half_height_m
     return rows, GroundOutcomes(target, rig.world.gravity_m_s2, radius_m, allowed, classes, sided, usual,
-                                np.tile([0.0, USUAL_ACROSS_M], (len(rows), 1)), np.zeros((len(rows), MOVES)))
+                                np.tile([0.0, USUAL_ACROSS_M], (len(rows), 1)), np.full((len(rows), 6), np.nan),
+                                np.zeros((len(rows), MOVES)))
 
 
 def _with_lapses(chance: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return np.asarray((1.0 - LAPSE) * np.clip(chance, 0.0, 1.0) + LAPSE / 3.0)
 
 
-def _angle(plane: Float[Array, "n 9"]) -> Float[Array, " n"]:
-    return np.asarray(np.arctan2(plane[:, 5], plane[:, 4]))
+def _angle(plane: Float[Array, "n 11"]) -> Float[Array, " n"]:
+    return np.asarray(np.arctan2(plane[:, DOWN], plane[:, AHEAD]))
 
 
 def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"], by: bool,
-           nodes: int = FINE[0], tails: float = FINE[1]) -> Float[Array, "k n 6"]:
+           nodes: int, tails: float) -> Float[Array, "k n 6"]:
     """The chances of CELLS for normal misses along and across; where `by`, then their derivatives by the mean and the
     log spread along, and by those across."""
     middle = seen.across_m[:, 0] + seen.change[:, ACROSS]
@@ -242,14 +259,14 @@ def _cells(seen: GroundOutcomes, mean_m: Float[Array, " n"], spread_m: Float[Arr
     every, weights, end = _across(seen, wider, middle, spread, nodes, tails)
     row, column = np.nonzero(weights > LEAST_WEIGHT)                 # of most shots few nodes count
     y, weight = every[row, column], weights[row, column]
-    one = replace(seen, nodes=None).take(row)
+    one = seen.take(row)
     short, long, hit, ring = (part[..., 0] for part in _by_place(
         one, wider[row], y[:, None], mean_m[row][:, None], spread_m[row][:, None], by))
     cells = np.zeros((5 if by else 1, len(mean_m), len(CELLS)))
     places = (SHORT, short), (LONG, long), (HIT, hit - ring), (RING, ring)
 
     def total(each: Float[Array, " k"]) -> Float[Array, " n"]:
-        return np.bincount(row, each, len(mean_m))
+        return np.bincount(row, each, len(mean_m)).astype(float)     # of no shots at all it counts in whole numbers
 
     for cell, chance in places:
         for number, part in enumerate(chance):
@@ -330,21 +347,25 @@ def _by_place(seen: GroundOutcomes, wider: Float[Array, " n"], y: Float[Array, "
     ring = np.sqrt(np.maximum((seen.plane[:, [2]] + seen.change[:, [0]])**2 - y**2, 0.0)) * (
         seen.target.three_half_height_m > 0.0)
     clear = clearance(seen.target, seen.radius_m, _angle(seen.plane))[:, None]
-    # it rose through the plane twice this before it came down: as gravity alone has it
-    arch = (seen.plane[:, 4] * seen.plane[:, 5] / seen.gravity_m_s2)[:, None]
+    # it rose through the plane so long before it came down: as gravity alone has it
+    aloft_s = 2.0 * seen.plane[:, [DOWN]] / seen.gravity_m_s2
+    # by how much farther it rose, where it comes down a metre farther
+    stays = np.maximum(1.0 - aloft_s * np.nan_to_num(seen.rise[:, [LEANING]]), 0.1)
 
     def below(edge: Any) -> Any:
         z = (edge - mean) / spread
         if not by:
             return ndtr(z)[None]
         density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
-        return np.stack([ndtr(z), -density / spread, -z * density])
+        return np.stack([ndtr(z), -density / spread / np.where(edge == rises, stays, 1.0), -z * density])
 
     def within(low: Any, high: Any) -> Any:
         return below(np.maximum(high, low)) - below(low)
 
     whole = np.array([1.0, 0.0, 0.0])[:3 if by else 1, None, None]
-    low, rises = clear - half, 2.0 * arch - half - clear            # beyond `rises` it rose in front of the near edge
+    low = clear - half
+    # beyond this it rose in front of the near edge
+    rises = mean + (aloft_s * seen.plane[:, [AHEAD]] - half - clear - mean) / stays
     high = np.minimum(half, rises)
     short = below(low) + whole - below(np.maximum(rises, low))
     if isinstance(seen.target.backboard, UnsetType):
@@ -368,7 +389,7 @@ class _Board:
     def __init__(self, seen: GroundOutcomes) -> None:
         board = seen.target.backboard
         assert not isinstance(board, UnsetType)
-        self.ahead, self.down = (np.maximum(seen.plane[:, [k]], 0.05) for k in (4, 5))       # m/s, along and down
+        self.ahead, self.down = (np.maximum(seen.plane[:, [k]], 0.05) for k in (AHEAD, DOWN))     # m/s
         self.share = np.clip(seen.plane[:, [7]] + seen.change[:, [BOUNCE]], 0.05, 1.0)
         self.gravity, self.backspin = seen.gravity_m_s2, seen.plane[:, [8]]
         self.wall_m = board.behind_m - seen.radius_m[:, None]

@@ -12,7 +12,7 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Target
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.likelihood.noise import HEIGHT_M, LAPSE, SLIP_M, SLIP_PER_M
-from truearc.sim.infer.likelihood.outcomes import CLASSES, SIDED_SHARE, Nodes
+from truearc.sim.infer.likelihood.outcomes import CLASSES, SIDED_SHARE
 from truearc.sim.physics.simulate import MISS, THREE, TWO
 from truearc.sim.statistics import POINTS_THREE, POINTS_TWO
 
@@ -56,7 +56,7 @@ class HeightOutcomes:
         return np.asarray(slope[:, 2:4].mean(1)[:, None])
 
     def at(self, plane: Float[Array, "n 4"], across_m: Float[Array, "n 2"] | None = None,
-           nodes: Nodes | None = None) -> "HeightOutcomes":
+           rise: Float[Array, "n 6"] | None = None) -> "HeightOutcomes":
         """Return the same outcomes of the opening that arrival terms make: both half heights as much larger."""
         wider_m = float((plane[:, 3] - self.borders[4]).mean())
         if wider_m == 0.0:

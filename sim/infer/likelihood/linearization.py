@@ -14,7 +14,6 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from truearc.sim.infer.likelihood import outcomes
 from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, Prediction, see_in_blocks
 from truearc.sim.infer.likelihood.layout import Layout, Point
@@ -127,11 +126,10 @@ LOST = 1e-6                           # of a square, that rounding may take belo
 SCATTERED = (0, 1, 2, 4, 6, 7)        # deviates that scatter: log speed, elevation, azimuth, distance, drag, spin
 TRACK = len(SCATTERED)                # place of the track's noise among the scatters: the last
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
-TOP = 6                               # of Prediction.plane: the height of the highest point above the rim
+AHEAD, TOP, APEX, PULL = 4, 6, 9, 10  # of Prediction.plane, of a ball that comes down to a rim
 GRAZING = 5.0                         # standard deviations of it; measured there: beyond, 0.01 by the linear model
-# Measured: tests/sim/infer/test_ground.py, chances within 0.01 of 10^6 flights
-RISING, ASIDE, FARTHEST = 45, 3, 4.5  # nodes along and across the way up; standard deviations of the outermost
 BESIDE = 0.001                        # standard deviations of the height, between slopes that are compared
+TINY = 1e-18                          # of a variance, so that none is nothing
 STEEPEST = 1e6                        # m by a deviate: of a flight that goes astray
 
 
@@ -139,7 +137,8 @@ STEEPEST = 1e6                        # m by a deviate: of a flight that goes as
 class Linearization:
     """The prediction at a spot, its slopes by the layout's inputs, then deviates (last axis), and the normal equations
     of tracks and exits in both. log_spread_by [n, inputs]: slopes of the log standard deviation of the height at the
-    plane; of tracked shots 0. nodes: of shots whose prediction and slopes at the target are means over these."""
+    plane; of tracked shots 0. fall_s [n]: of shots that hardly reach the rim of an opening that faces up, the time of
+    the fall with which their observable is the place of the highest point and so long a way on; of others nan."""
 
     point: Point
     seen: Prediction
@@ -147,7 +146,7 @@ class Linearization:
     exits: Normal
     tracks: Normal | None
     log_spread_by: Float[Array, "n inputs"]
-    nodes: outcomes.Nodes | None = None
+    fall_s: Float[Array, " n"]
 
     def change(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
         """Return the change of the inputs from the spot to other values; group inputs do not change. Everything is
@@ -234,8 +233,8 @@ def _point(layout: Layout, spot: Point) -> Float[Array, " P"]:
     return point
 
 
-def fly(intake: Intake, layout: Layout, spot: Point, grazing: bool = True) -> Linearization:
-    """Fly all shots at the spot; `grazing`: with nodes for those that hardly reach the rim.
+def fly(intake: Intake, layout: Layout, spot: Point) -> Linearization:
+    """Fly all shots at the spot.
 
     Slopes by inputs are those of a shot that deviates as all do on average: taken at the deviation that a track itself
     tells, they would go with that track's noise, and the score of what bends with a deviation would lean to one side.
@@ -246,26 +245,22 @@ def fly(intake: Intake, layout: Layout, spot: Point, grazing: bool = True) -> Li
     both = np.concatenate([inputs, deviates])
     if not spot.deviates.any():
         seen, slopes = _fly(intake, layout, spot, both)
-        return _linearization(intake, layout, spot, seen, slopes, grazing)
+        return _linearization(intake, layout, spot, seen, slopes)
     _, still = _fly(intake, layout, replace(spot, deviates=_common(spot.deviates)), inputs)
     seen, moving = _fly(intake, layout, spot, deviates)
     slopes = jax.tree.map(lambda a, b: np.concatenate([a, b], axis=-1), still, moving)
-    return _linearization(intake, layout, spot, seen, slopes, grazing)
+    return _linearization(intake, layout, spot, seen, slopes)
 
 
-def _linearization(intake: Intake, layout: Layout, spot: Point, seen: Prediction,
-                   slopes: Prediction, over_nodes: bool) -> Linearization:
+def _linearization(intake: Intake, layout: Layout, spot: Point, seen: Prediction, slopes: Prediction) -> Linearization:
     exits, tracks = multiply_out(intake, seen, slopes, spot.deviates)
-    log_spread_by = _log_spread_by(intake, layout, spot, seen, slopes, exits)
-    if not layout.chain.plane or intake.seen.axes == 1 or not over_nodes:
-        return Linearization(spot, seen, slopes, exits, tracks, log_spread_by)
-    covariance = _given_exits(intake, layout, spot, exits)
-    grazing = _grazing(intake, seen, slopes, covariance)
-    if not len(grazing):
-        return Linearization(spot, seen, slopes, exits, tracks, log_spread_by)
-    nodes, seen, slopes = _over_nodes(intake, layout, spot, seen, slopes, covariance, grazing)
-    log_spread_by[grazing] = 0.0
-    return Linearization(spot, seen, slopes, exits, tracks, log_spread_by, nodes)
+    log_spread_by, fall_s = _log_spread_by(intake, layout, spot, seen, slopes, exits), np.full(len(intake.rows), np.nan)
+    if layout.chain.plane and intake.seen.axes > 1:
+        rows, fall_s = _grazing(intake, seen, slopes, _given_exits(intake, layout, spot, exits))
+        log_spread_by[rows] = 0.0
+        for part in (seen.plane, slopes.plane):
+            part[rows, 0] = part[rows, APEX] + (fall_s[rows] * part[rows, AHEAD].T).T
+    return Linearization(spot, seen, slopes, exits, tracks, log_spread_by, fall_s)
 
 
 def _given_exits(intake: Intake, layout: Layout, spot: Point, normal: Normal) -> Float[Array, "n D D"]:
@@ -277,57 +272,30 @@ def _given_exits(intake: Intake, layout: Layout, spot: Point, normal: Normal) ->
 
 
 def _grazing(intake: Intake, seen: Prediction, slopes: Prediction,
-             covariance: Float[Array, "n D D"]) -> Int[Array, " k"]:
-    """Shots whose highest point is within GRAZING standard deviations of the rim, or that come up so near to it."""
+             covariance: Float[Array, "n D D"]) -> tuple[Int[Array, " k"], Float[Array, " n"]]:
+    """(shots whose highest point is within GRAZING standard deviations of the rim, or that come up so near to it; how
+    long they fall [n])."""
     deviates = covariance.shape[1]
     by = np.clip(slopes.plane[:, :, slopes.plane.shape[2] - deviates:], -STEEPEST, STEEPEST)
     sd = np.sqrt(np.einsum("nad,nde,nae->na", by, covariance, by))
-    along, ahead, down, top = (np.asarray(seen.plane)[:, axis] for axis in (0, 4, 5, TOP))
+    along, ahead, down, top = (np.asarray(seen.plane)[:, axis] for axis in (0, AHEAD, 5, TOP))
     begin_m = along - 2.0 * ahead * down / intake.rig.world.gravity_m_s2      # where it rose through the plane
     rises_near = begin_m + GRAZING * sd[:, 0] > -seen.plane[:, 3] - 2.0 * np.asarray(intake.lanes.ball_m)
     near = (top > -GRAZING * sd[:, TOP]) & ((top < GRAZING * sd[:, TOP]) | rises_near) & seen.near
-    return np.intersect1d(np.flatnonzero(near), intake.marked)
+    rows, fall_s = np.intersect1d(np.flatnonzero(near), intake.marked), np.full(len(near), np.nan)
+    fall_s[rows] = np.sqrt(np.maximum(2.0 * top, sd[:, TOP]) / seen.plane[:, PULL])[rows]
+    return rows, fall_s
 
 
-def _over_nodes(intake: Intake, layout: Layout, spot: Point, seen: Prediction, slopes: Prediction,
-                covariance: Float[Array, "n D D"], rows: Int[Array, " k"]
-                ) -> tuple[outcomes.Nodes, Prediction, Prediction]:
-    """(nodes, prediction and slopes with means over them): flights of launches that differ in log speed and elevation.
-
-    Most nodes lie along the direction in which the highest point rises, since where a ball comes down bends with that.
-    """
-    deviates = covariance.shape[1]
-    root = np.linalg.cholesky(covariance[rows][:, :2, :2] + 1e-18 * np.eye(2))
-    rise = np.einsum("kd,kde->ke", slopes.plane[rows][:, TOP, -deviates:][:, :2], root)
-    rise /= np.maximum(np.linalg.norm(rise, axis=1, keepdims=True), 1e-12)
-    turn = np.stack([rise, np.stack([-rise[:, 1], rise[:, 0]], axis=1)], axis=2)
-    x, w = np.polynomial.legendre.leggauss(RISING)
-    up, weight_up = FARTHEST * x, FARTHEST * w * np.exp(-0.5 * (FARTHEST * x)**2) / np.sqrt(2.0 * np.pi)
-    aside, weight_aside = np.polynomial.hermite_e.hermegauss(ASIDE)
-    at = np.stack([part.ravel() for part in np.meshgrid(up, aside, indexing="ij")], axis=1)
-    weight = np.outer(weight_up / weight_up.sum(), weight_aside / weight_aside.sum()).ravel()
-    moved = np.einsum("kde,kef,qf->kqd", root, turn, at)
-    lanes, many = np.repeat(rows, len(at)), spot.deviates[np.repeat(rows, len(at))]
-    many[:, :2] += moved.reshape(-1, 2)
-    some = replace(intake, lanes=intake.lanes.take(lanes))
-    both = np.concatenate([layout.inputs, len(layout.chain.slots) + np.arange(layout.chain.deviates)])
-    flown, by = _fly(some, layout, replace(spot, deviates=many), both)
-    plane, by_plane = (np.asarray(part.plane).reshape(len(rows), len(at), *part.plane.shape[1:])
-                       for part in (flown, by))
-    reached = (plane[:, :, TOP] > 0.0) & np.asarray(flown.near).reshape(plane.shape[:2])
-    share = weight * reached
-    share = np.where(reached.any(1, keepdims=True), share, weight)
-    share = share / share.sum(1, keepdims=True)
-    mean = np.einsum("kq,kqa->ka", share, plane)
-    bounded = np.clip(np.nan_to_num(by_plane), -STEEPEST, STEEPEST)
-    mean_by = np.einsum("kq,kqac->kac", share, bounded)
-    mean_by[:, :, -deviates:][:, :, :2] = 0.0                        # the nodes have these
-    new_plane, new_slopes = np.array(seen.plane), np.array(slopes.plane)
-    new_plane[rows], new_slopes[rows] = mean, mean_by
-    place = np.searchsorted(intake.marked, rows)
-    nodes = outcomes.Nodes(place, np.broadcast_to(weight, reached.shape), plane[:, :, 0] - mean[:, [0]],
-                           plane[:, :, 1] - mean[:, [1]], plane, reached)
-    return nodes, seen._replace(plane=new_plane), slopes._replace(plane=new_slopes)
+def rise_of(by: Float[Array, "n axes k"], top_m: Float[Array, " n"], fall_s: Float[Array, " n"]
+            ) -> Float[Array, "n 6"]:
+    """Return `rise` of Outcomes.at, from slopes of Prediction.plane by independent standard deviations."""
+    top, square = by[:, TOP], (by[:, TOP]**2).sum(1) + FLOOR_M**2
+    with_top, faster = (by[:, [0, AHEAD]] * top[:, None]).sum(2).T / square
+    along = by[:, 0] - with_top[:, None] * top
+    leaning = (along * by[:, AHEAD]).sum(1) / ((along**2).sum(1) + FLOOR_M**2)
+    rise = np.stack([top_m, np.sqrt(square), with_top, faster, leaning, fall_s], axis=1)
+    return np.where(np.isfinite(fall_s)[:, None], rise, np.nan)
 
 
 def _log_spread_by(intake: Intake, layout: Layout, spot: Point, seen: Prediction,
@@ -470,13 +438,17 @@ def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization, ch
     moved[:, :, columns] = intake.seen.moves_by(slope[:, :, :inputs])
     scattered = intake.scattered[rows] * np.exp(2.0 * spot.log_scatter[:TRACK])
     kept = np.diagonal(left.covariance[rows], axis1=1, axis2=2) / np.maximum(sd[rows]**2, 1e-300)
+    with_top = np.zeros(len(rows))
 
     def scatter(axis: int) -> tuple[Array, Array, Array, Array]:
-        """(mean, variance [m], slopes of the mean and of the log spread [m, count]) of a coordinate at the target."""
+        """(mean, variance [m], slopes of the mean and of the log spread [m, count]) of a coordinate at the target; the
+        first besides what goes `with_top`."""
         by_deviate, by_column, log_spread = slope[:, axis, inputs:], *np.zeros((2, len(rows), count))
         by_column[:, columns] = slope[:, axis, :inputs]
         by_column += np.einsum("md,mdp->mp", by_deviate, left.mean_by[rows])
         mean = seen.plane[rows, axis] + np.einsum("md,md->m", by_deviate, left.mean[rows] - spot.deviates[rows])
+        if axis == 0 and with_top.any():
+            by_deviate = by_deviate - with_top[:, None] * slope[:, TOP, inputs:]
         variance = np.einsum("md,mde,me->m", by_deviate, left.covariance[rows], by_deviate) + FLOOR_M**2
         log_spread[:, columns] = flown.log_spread_by[rows] * (axis == 0)
         for number, (column, deviate) in enumerate(zip(layout.scatters[:TRACK], SCATTERED, strict=True)):
@@ -485,12 +457,16 @@ def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization, ch
                                          ) / variance
         return mean, variance, by_column, log_spread
 
-    mean, variance, by_column, log_spread = scatter(0)
-    across_m = None
+    across_m = rise = None
     if intake.seen.axes > 1:
         mean_across, square, moved[:, 1], moved[:, 2] = scatter(1)
         across_m = np.stack([mean_across, np.sqrt(square)], axis=1)
+        top_m, _, moved[:, 4], moved[:, 5] = scatter(TOP)
+        root = np.linalg.cholesky(left.covariance[rows] + TINY * np.eye(sd.shape[1]))
+        rise = rise_of(slope[:, :, inputs:] @ root, top_m, flown.fall_s[rows])
+        with_top = np.nan_to_num(rise[:, 2])
+    mean, variance, by_column, log_spread = scatter(0)
     wider_by = np.exp(np.clip(flown.log_spread_by @ change, -2.0, 2.0))
     spread = np.where(near, np.sqrt(variance) * wider_by[rows], 1.0)
-    marks = intake.seen.at(np.asarray(seen.plane)[rows], across_m, flown.nodes)
+    marks = intake.seen.at(np.asarray(seen.plane)[rows], across_m, rise)
     return PlaneScores(rows, marks, np.where(near, mean, FAR_BELOW_M), spread, by_column, moved, log_spread)

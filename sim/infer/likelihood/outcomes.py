@@ -7,7 +7,7 @@ used.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -17,21 +17,6 @@ Numbers = Float[Array, " n"]
 CLASSES = {"miss": 0.0, "two": 1.0, "three": 2.0}
 # Chosen: most of them
 SIDED_SHARE = 0.5                     # of misses (of twos) must have a side before that counts as noted of them
-
-
-class Nodes(NamedTuple):
-    """Nodes of the launches of k shots that hardly reach the rim.
-
-    rows [k]: the shots. weight [k, q]; along_m, across_m [k, q]: from the means; plane [k, q, 9]: arrivals, as
-    Prediction.plane; reached [k, q].
-    """
-
-    rows: Int[Array, " k"]
-    weight: Float[Array, "k q"]
-    along_m: Float[Array, "k q"]
-    across_m: Float[Array, "k q"]
-    plane: Float[Array, "k q 9"]
-    reached: Bool[Array, "k q"]
 
 
 @runtime_checkable
@@ -70,10 +55,13 @@ class Outcomes(Protocol):
         """Return the same, where no measured height is a slip."""
 
     def at(self, plane: Float[Array, "n k"], across_m: Float[Array, "n 2"] | None = None,
-           nodes: Nodes | None = None) -> "Outcomes":
+           rise: Float[Array, "n 6"] | None = None) -> "Outcomes":
         """Return the observations at these arrivals (Prediction.plane): of the opening as it is there.
 
-        across_m: mean and spread of the second axis. nodes: of shots whose observable is not normal.
+        across_m: mean and spread of the second axis. rise: of shots that hardly reach the rim (others nan), mean and
+        spread of the height of the highest point above the rim, by how much the observable (besides falling longer)
+        and the speed along go with that height, by how much that speed goes with the rest of the observable, and the
+        time of the fall that the observable includes.
         """
 
     def moves_by(self, slope: Float[Array, "n k columns"]) -> Float[Array, "n moves columns"]:

@@ -68,6 +68,10 @@ class PlaneScores:
     moved_by: Float[Array, "m moves C"]
     log_spread_by: Float[Array, "m C"]
 
+    @cached_property
+    def log_likelihood(self) -> Float[Array, " m"]:
+        return self.seen.log_likelihood(self.mean_m, self.spread_m)
+
     def moved(self, change: Float[Array, "n C"]) -> Seen:
         """Return (seen, mean, spread) after `change` [n, C]."""
         mine = change[self.rows]
@@ -208,10 +212,8 @@ class ScoreTable:
         own = self.deal.own(change)
         value: Array = np.einsum("ni,ni->n", self.linear, own) - 0.5 * np.einsum("ni,nij,nj->n", own, self.bend, own)
         if self.plane is not None:
-            plane = self.plane
-            before = plane.seen.log_likelihood(plane.mean_m, plane.spread_m)
-            seen, mean_m, spread_m = plane.moved(own)
-            value[plane.rows] += seen.log_likelihood(mean_m, spread_m) - before
+            seen, mean_m, spread_m = self.plane.moved(own)
+            value[self.plane.rows] += seen.log_likelihood(mean_m, spread_m) - self.plane.log_likelihood
         return value
 
     def heights(self, change: Float[Array, "n P"]) -> Seen:
@@ -272,7 +274,7 @@ def make_evidence(rows: Int[Array, " n"], columns: tuple[Column, ...], point: Fl
     score, info, log_score = linear.copy(), bend, log_linear.copy()
     if plane is not None:
         info = _with_plane(plane, (plane.seen, plane.mean_m, plane.spread_m), score, bend)
-        log_score[plane.rows] += plane.seen.log_likelihood(plane.mean_m, plane.spread_m)
+        log_score[plane.rows] += plane.log_likelihood
     deal = deal or GroupedColumns.plain(len(rows), len(columns))
     return ScoreTable(rows, columns, deal, point, linear, bend, plane, precision, pull, log_score, score, info)
 

@@ -64,13 +64,14 @@ def test_follow_tells_a_steeper_launch_from_no_change() -> None:
 def test_chances_for_very_many_beliefs_are_near_the_exact_ones() -> None:
     plane = score_since(make_shots(7, 40), BELIEF).plane
     assert plane is not None
-    rng, grazing = np.random.default_rng(0), set() if plane.seen.nodes is None else {*plane.seen.nodes.rows.tolist()}
-    for shot in sorted({*range(len(plane.rows))} - grazing):
+    rng = np.random.default_rng(0)
+    for shot in range(len(plane.rows)):
         mean_m = plane.mean_m[shot] + rng.normal(0.0, 0.3, 30)
         spread_m = plane.spread_m[shot] * np.exp(rng.normal(0.0, 0.2, 30))
-        moved = [rng.normal(0.0, sd, 30) for sd in (0.02, 0.1, 0.1, 0.0)]
+        moved = [rng.normal(0.0, sd, 30) for sd in (0.02, 0.1, 0.1, 0.0, 0.03, 0.1)]
         exact = plane.seen.take(np.full(30, shot)).moved(np.stack(moved, axis=1)).share(mean_m, spread_m)
-        assert np.abs(plane.seen.chance(shot, mean_m, spread_m, moved) - exact).max() < 0.01
+        off = np.abs(plane.seen.chance(shot, mean_m, spread_m, moved) - exact).max()
+        assert off < (0.05 if np.isfinite(plane.seen.rise[shot, 0]) else 0.01)           # it hardly reaches the rim
 
 
 @pytest.mark.slow
