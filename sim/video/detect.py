@@ -1,0 +1,119 @@
+"""Balls in one picture: blobs that differ from the background and are round, or a round shape that moved.
+
+A ball that moves while the shutter is open leaves a streak: a disk swept along a line. Its middle is where the ball
+was at the middle of the exposure. With coverage a(x, y) from 0 to 1 of the streak's pixels, the variance across is
+d^2 / 16, of the disk alone, and along d^2 / 16 + L^2 / 12, which gives the length L. The diameter d is that of the area
+of a disk, or for a streak that of the variance across.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from truearc.sim.video.frames import Image
+
+Floats = npt.NDArray[np.float64]
+LEAST_DIFFERENCE, NOISE_SDS = 14.0, 5.0           # of grey levels: what may be a ball
+LEAST_AREA = 12                       # pixels; a smaller ball has no diameter
+MAX_SHARE = 0.12                      # of the picture's longer side: the largest ball
+MAX_STREAK = 12.0                     # diameters
+MARGIN = 3                            # pixels around a blob, for its edges
+LEAST_DIAMETER = 2.5                  # pixels
+EDGE_VARIANCE = 0.5                   # pixels^2: what lens, pixel and coding add to a shape's variance
+FULL = 85.0                           # percentile of a shape's difference that is a place covered all the time
+STREAK = 0.9                          # diameters: a longer way during the exposure is a streak
+# diameter by the spread / by the area of a disk; by the area of a streak / by the spread
+SOLID = ((0.85, 1.2), (0.6, 1.25))
+MAX_BLOBS = 80                        # in one picture, the most balls-like by their bounding boxes
+
+
+class Blob(NamedTuple):
+    """A shape that may be a ball, in pixels; x to the right, y down.
+
+    Fields:
+        time_s: Of its picture.
+        x_px, y_px: Centre.
+        diameter_px: Of the ball, across the streak.
+        length_px: Of the streak: way of the centre during the exposure.
+        angle_rad: Direction of the streak, from x toward y; without meaning where the length is small.
+        contrast: Grey levels between ball and background.
+        row: Place between the first row of the sensor (-0.5) and its last (0.5), for the rolling shutter.
+        frame: Number of the picture.
+    """
+
+    time_s: float
+    x_px: float
+    y_px: float
+    diameter_px: float
+    length_px: float
+    angle_rad: float
+    contrast: float
+    row: float
+    frame: int
+
+
+def find_blobs(difference: Image, noise: float, frame: int, time_s: float,
+               quarter_turns: int = 0) -> list[Blob]:
+    """Return the shapes of a picture that may be balls.
+
+    Args:
+        difference: How far each pixel differs from the background.
+        noise: One standard deviation of that.
+        frame: Number of the picture.
+        time_s: Its time.
+        quarter_turns: By which the picture was turned counterclockwise, which turned the sensor's rows.
+    """
+    level = max(LEAST_DIFFERENCE, NOISE_SDS * noise)
+    _, mask = cv2.threshold(cv2.blur(difference, (3, 3)), level, 255, cv2.THRESH_BINARY)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
+    width, height, area = (stats[:, k].astype(np.float64) for k in (cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT,
+                                                                  cv2.CC_STAT_AREA))
+    longest = MAX_SHARE * max(difference.shape)
+    thick = area / np.hypot(width, height)        # of a streak nearly its diameter, of branches little
+    fits = (area >= LEAST_AREA) & (thick >= 2.0) & (thick <= longest) & (np.hypot(width, height) <= MAX_STREAK * thick)
+    fits[0] = False                   # the background
+    found = []
+    for label in sorted(np.flatnonzero(fits), key=lambda one: -thick[one])[:MAX_BLOBS]:
+        blob = _measure(difference, labels, stats[label], int(label), level)
+        if blob is not None:
+            found.append(Blob(time_s, *blob, _row(blob[0], blob[1], difference.shape, quarter_turns), frame))
+    return found
+
+
+def _row(x_px: float, y_px: float, shape: tuple[int, ...], quarter_turns: int) -> float:
+    down, right = y_px / shape[0] - 0.5, x_px / shape[1] - 0.5
+    return (down, right, -down, -right)[quarter_turns]
+
+
+def _measure(difference: Image, labels: npt.NDArray[np.int32], box: npt.NDArray[np.int32], label: int,
+             level: float) -> tuple[float, float, float, float, float, float] | None:
+    """(x, y, diameter, length, angle, contrast) of one shape; None if it is no disk and no streak, or is cut off."""
+    left, top = max(box[0] - MARGIN, 0), max(box[1] - MARGIN, 0)
+    right, bottom = box[0] + box[2] + MARGIN, box[1] + box[3] + MARGIN
+    if box[0] == 0 or box[1] == 0 or box[0] + box[2] == labels.shape[1] or box[1] + box[3] == labels.shape[0]:
+        return None
+    own = labels[top:bottom, left:right]
+    part = difference[top:bottom, left:right].astype(np.float64)
+    inside = own == label
+    near = cv2.dilate(inside.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool) & ((own == 0) | inside)
+    full = float(np.percentile(part[inside], FULL))
+    floor = min(0.5 * level, 0.25 * full)
+    cover = np.where(near, np.clip((part - floor) / (full - floor), 0.0, 1.0), 0.0)
+    total = cover.sum()
+    rows, columns = np.mgrid[top:top + cover.shape[0], left:left + cover.shape[1]]
+    x_px, y_px = float((cover * columns).sum() / total), float((cover * rows).sum() / total)
+    dx, dy = columns - x_px, rows - y_px
+    xx, yy, xy = ((cover * one).sum() / total for one in (dx * dx, dy * dy, dx * dy))
+    middle, spread = (xx + yy) / 2.0, float(np.hypot((xx - yy) / 2.0, xy))
+    length_px = float(np.sqrt(24.0 * spread))
+    across = 4.0 * float(np.sqrt(max(middle - spread - EDGE_VARIANCE, 0.0)))
+    area = float((cover > 0.5).sum())
+    # a place is covered half of the time where the disk of the middle ends, if the streak is shorter than the disk
+    disk, streak = 2.0 * float(np.sqrt(area / np.pi)), area / max(length_px, 1e-9)
+    is_streak = length_px > STREAK * across
+    diameter_px, expected = (across, streak) if is_streak else (disk, across)
+    if diameter_px < LEAST_DIAMETER or not SOLID[is_streak][0] < expected / diameter_px < SOLID[is_streak][1]:
+        return None
+    return x_px, y_px, diameter_px, length_px, 0.5 * float(np.arctan2(2.0 * xy, xx - yy)), full
