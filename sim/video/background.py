@@ -15,8 +15,9 @@ from truearc.sim.video.frames import Clip, Frame, Image
 MEMORY_S, SAMPLES = 2.0, 15
 RENEWED = 4                           # samples after which the median is taken again
 SPARSE = 8                            # of rows and columns, one of which tells of the light and the noise
-MOVED_SHARE = 0.4                     # of the picture that changes only if the camera, or all of the light, does
 FADED = 0.5                           # more or less light than this share is another scene
+SMALLER = 4                           # the picture is reduced by this to find its movement
+EXPLAINED = 0.75                      # share of its difference that is left if the whole picture has moved
 
 
 class Background:
@@ -57,6 +58,17 @@ class Background:
         return np.asarray(cv2.add(cv2.absdiff(luma, self.luma), colours), dtype=np.uint8), noise
 
 
+    def shift_px(self, frame: Frame) -> float:
+        """Return how far the whole picture has moved against the background (phase correlation)."""
+        small = [cv2.resize(one, None, fx=1.0 / SMALLER, fy=1.0 / SMALLER, interpolation=cv2.INTER_AREA)
+                 .astype(np.float32) for one in (self.luma, frame.luma)]
+        (x_px, y_px), _ = cv2.phaseCorrelate(*small, cv2.createHanningWindow(small[0].shape[::-1], cv2.CV_32F))
+        there = cv2.warpAffine(small[0], np.array([[1.0, 0.0, x_px], [0.0, 1.0, y_px]]), small[0].shape[::-1],
+                               borderMode=cv2.BORDER_REPLICATE)
+        still, moved = (float(np.abs(small[1] - one).mean()) for one in (small[0], there))
+        return SMALLER * float(np.hypot(x_px, y_px)) if moved < EXPLAINED * still else 0.0
+
+
 def _median(pictures: list[Image]) -> Image:
     """The median picture, by partial bubble sort of whole pictures: two fast operations for each exchange."""
     sorted_ = list(pictures)
@@ -67,12 +79,12 @@ def _median(pictures: list[Image]) -> Image:
     return np.ascontiguousarray(sorted_[(len(sorted_) - 1) // 2])
 
 
-def differences(clip: Clip) -> Iterator[tuple[Frame, Image, float]]:
-    """Yield each frame of a clip with its difference from the background and the noise of that.
+def differences(clip: Clip, scene: Background | None = None) -> Iterator[tuple[Frame, Image, float]]:
+    """Yield each frame of a clip with its difference from the background `scene` and the noise of that.
 
     The first seconds are read twice: their background is the median of all of them.
     """
-    scene = Background()
+    scene = scene or Background()
     for frame in clip.frames():
         if frame.time_s > MEMORY_S:
             break

@@ -1,8 +1,9 @@
 """The flight of a ball in the plane of a side view, and its least-squares fit to positions in a clip.
 
 The acceleration is gravity, which may lean if the camera does, drag k |v| v against the motion, and lift s v across it,
-of a spin that stays. A rolling shutter exposes the rows of a picture one after the other. Gravity is fitted as if it were unknown: its value tests scale and clock. Numbers that a single
-flight tells little of have priors. Gauss-Newton with numerical derivatives; Tukey's weights for outliers.
+of a spin that stays. A rolling shutter exposes the rows of a picture one after the other. Gravity is fitted as if it
+were unknown: its value tests scale and clock. Numbers that a single flight tells little of have priors. Gauss-Newton
+with numerical derivatives; Tukey's weights for outliers.
 Frame: x to the right, z up. Units: those of the positions, and seconds.
 """
 
@@ -16,6 +17,7 @@ X, Z, VX, VZ, G, DRAG, LIFT, LEAN, READOUT = range(9)       # parameters of a fl
 LONGEST_STEP_S = 0.04
 STEPS = 8                             # of Gauss-Newton; a flight settles in three
 TUKEY = 4.7                           # standard deviations at which a position has no weight left
+LEAST_SCATTER = 0.3                   # of the stated sigma: few residuals can be small by chance
 SMALL = np.array([1e-4, 1e-4, 1e-3, 1e-3, 1e-3, 1e-4, 1e-3, 1e-4, 1e-5])        # steps of the derivatives
 
 # Derived: drag of a ball, 3/8 x 1.2 x 0.5 / (radius x density), is 0.01/m of a baseball, 0.05/m of a foam ball of 18 cm
@@ -100,7 +102,7 @@ class Priors(NamedTuple):
     readout: tuple[float, float] = READOUT_PRIOR
 
 
-def fit_flight(t_s: Floats, place: Floats, sigma: Floats, row: Floats, priors: Priors = Priors()) -> FlightFit:
+def fit_flight(t_s: Floats, place: Floats, sigma: Floats, row: Floats, priors: Priors) -> FlightFit:
     """Fit a flight to positions; covariance and scatter are by the residuals.
 
     Args:
@@ -119,10 +121,11 @@ def fit_flight(t_s: Floats, place: Floats, sigma: Floats, row: Floats, priors: P
         size = np.hypot(residual[:, 0], residual[:, 1]) / sigma
         free = max(2.0 * weight.sum() - 5.0, 1.0)
         # at first the median, which outliers do not move
-        scatter = max(float(np.median(size)) / 1.177, 1e-9) if number < 2 else (
-            max(float(np.sqrt((weight * size ** 2).sum() / free)), 1e-9))
+        scatter = max(float(np.median(size)) / 1.177 if number < 2 else
+                      float(np.sqrt((weight * size ** 2).sum() / free)), LEAST_SCATTER)
         if number:
-            weight = np.clip(1.0 - (size / (TUKEY * scatter)) ** 2, 0.0, 1.0) ** 2
+            # no position is an outlier that is off by no more than its sigma explains
+            weight = np.clip(1.0 - (size / (TUKEY * max(scatter, 1.0))) ** 2, 0.0, 1.0) ** 2
         rows = (weight / (sigma * scatter) ** 2)[:, None, None]
         information = np.einsum("nik,nil->kl", jacobian * rows, jacobian) + np.diag(prior)
         score = np.einsum("nik,ni->k", jacobian * rows, residual) + prior * (centre - values)

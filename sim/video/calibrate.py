@@ -15,9 +15,8 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.sim.video.ballistics import Floats
-from truearc.sim.video.detect import Blob
 from truearc.sim.video.frames import Image
-from truearc.sim.video.link import Flight
+from truearc.sim.video.link import Flight, sigma_px
 
 # Measured on rendered clips (tests/sim/video): blur and coding make a diameter uncertain by this much, for all flights
 DIAMETER_SD_PX, DIAMETER_SD = 0.4, 0.015
@@ -101,7 +100,8 @@ def calibrate(flights: Sequence[Flight], picture: Image, *, diameter_m: float | 
     sources, tilts = [], []
     if diameter_m is not None and flights:
         unit_px = float(np.median([flight.unit_px for flight in flights]))
-        sources.append(Source("the ball's diameter", diameter_m / unit_px, np.hypot(DIAMETER_SD, DIAMETER_SD_PX / unit_px)))
+        sources.append(Source("the ball's diameter", diameter_m / unit_px,
+                              float(np.hypot(DIAMETER_SD, DIAMETER_SD_PX / unit_px))))
     if tag_m is not None:
         source, tilt = _by_tag(picture, tag_m)
         sources.append(source)
@@ -183,18 +183,27 @@ class Placed(NamedTuple):
     sigma_z_m: Floats
 
 
-def exits_of(flights: Sequence[Flight], metres_per_px: float) -> list[list[Flight]]:
-    """Group flights by where and in which direction they begin; the largest group first. One launcher is one group."""
+def exits_of(flights: Sequence[Flight], metres_per_px: float,
+             exit_px: tuple[float, float] | None = None) -> list[list[Flight]]:
+    """Group flights by where and in which direction they begin: one group is one launcher.
+
+    The largest group is first, or that which begins nearest to the exit if that is known.
+    """
     groups: list[list[Flight]] = []
     for flight in flights:
         for group in groups:
             first, other = flight.blobs[0], group[0].blobs[0]
-            if _forward(flight) == _forward(group[0]) and metres_per_px * np.hypot(
-                    first.x_px - other.x_px, first.y_px - other.y_px) < SAME_EXIT_M:
+            second = flight.blobs[1]
+            step_px = np.hypot(second.x_px - first.x_px, second.y_px - first.y_px)      # a first picture may be missed
+            if _forward(flight) == _forward(group[0]) and np.hypot(
+                    first.x_px - other.x_px, first.y_px - other.y_px) < SAME_EXIT_M / metres_per_px + 2.0 * step_px:
                 group.append(flight)
                 break
         else:
             groups.append([flight])
+    if exit_px is not None:
+        return sorted(groups, key=lambda group: np.hypot(group[0].blobs[0].x_px - exit_px[0],
+                                                         group[0].blobs[0].y_px - exit_px[1]))
     return sorted(groups, key=len, reverse=True)
 
 
@@ -229,11 +238,6 @@ def place_flights(flights: Sequence[Flight], calibration: Calibration, readout_s
                              origin[3] + scale * (up * cosine + across * sine),
                              sigma * noise_px[0], sigma * noise_px[1]))
     return placed
-
-
-def sigma_px(blob: Blob) -> float:
-    """Return the standard deviation of a blob's centre in pixels, but for the factors of `noise_factors`."""
-    return float(np.hypot(0.2, 0.02 * blob.length_px))
 
 
 def noise_factors(flights: Sequence[Flight]) -> tuple[float, float]:

@@ -22,7 +22,8 @@ MAX_STREAK = 12.0                     # diameters
 MARGIN = 3                            # pixels around a blob, for its edges
 LEAST_DIAMETER = 2.5                  # pixels
 EDGE_VARIANCE = 0.5                   # pixels^2: what lens, pixel and coding add to a shape's variance
-FULL = 85.0                           # percentile of a shape's difference that is a place covered all the time
+# percentiles of a shape's difference that are a place covered all the time; the second where the contrast varies
+FULL = (85.0, 40.0)
 STREAK = 0.9                          # diameters: a longer way during the exposure is a streak
 # diameter by the spread / by the area of a disk; by the area of a streak / by the spread
 SOLID = ((0.85, 1.2), (0.6, 1.25))
@@ -98,14 +99,23 @@ def _measure(difference: Image, labels: npt.NDArray[np.int32], box: npt.NDArray[
     part = difference[top:bottom, left:right].astype(np.float64)
     inside = own == label
     near = cv2.dilate(inside.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool) & ((own == 0) | inside)
-    full = float(np.percentile(part[inside], FULL))
-    floor = min(0.5 * level, 0.25 * full)
-    cover = np.where(near, np.clip((part - floor) / (full - floor), 0.0, 1.0), 0.0)
-    total = cover.sum()
-    rows, columns = np.mgrid[top:top + cover.shape[0], left:left + cover.shape[1]]
-    x_px, y_px = float((cover * columns).sum() / total), float((cover * rows).sum() / total)
+    for percentile in FULL:
+        full = float(np.percentile(part[inside], percentile))
+        floor = min(0.5 * level, 0.25 * full)
+        shape = _shape(np.where(near, np.clip((part - floor) / (full - floor), 0.0, 1.0), 0.0))
+        if shape is not None:
+            x_px, y_px, diameter_px, length_px, angle_rad = shape
+            return left + x_px, top + y_px, diameter_px, length_px, angle_rad, full
+    return None
+
+
+def _shape(cover: Floats) -> tuple[float, float, float, float, float] | None:
+    """(x, y, diameter, length, angle) of the disk or streak that covers pixels by these shares; None if none does."""
+    by_row, by_column, total = cover.sum(axis=1), cover.sum(axis=0), cover.sum()
+    rows, columns = np.arange(len(by_row)), np.arange(len(by_column))
+    x_px, y_px = float(by_column @ columns / total), float(by_row @ rows / total)
     dx, dy = columns - x_px, rows - y_px
-    xx, yy, xy = ((cover * one).sum() / total for one in (dx * dx, dy * dy, dx * dy))
+    xx, yy, xy = by_column @ dx ** 2 / total, by_row @ dy ** 2 / total, dy @ cover @ dx / total
     middle, spread = (xx + yy) / 2.0, float(np.hypot((xx - yy) / 2.0, xy))
     length_px = float(np.sqrt(24.0 * spread))
     across = 4.0 * float(np.sqrt(max(middle - spread - EDGE_VARIANCE, 0.0)))
@@ -116,4 +126,4 @@ def _measure(difference: Image, labels: npt.NDArray[np.int32], box: npt.NDArray[
     diameter_px, expected = (across, streak) if is_streak else (disk, across)
     if diameter_px < LEAST_DIAMETER or not SOLID[is_streak][0] < expected / diameter_px < SOLID[is_streak][1]:
         return None
-    return x_px, y_px, diameter_px, length_px, 0.5 * float(np.arctan2(2.0 * xy, xx - yy)), full
+    return x_px, y_px, diameter_px, length_px, 0.5 * float(np.arctan2(2.0 * xy, xx - yy))

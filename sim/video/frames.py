@@ -49,7 +49,8 @@ class Clip:
     rate_hz: Stored frames a second on average, as stated by the file or by the user; 0 if unknown.
     duration_s: As stated; 0 if unknown.
     quarter_turns: Counterclockwise turns that make the picture upright.
-    slow_motion: True seconds pass this much faster than the file's (4: filmed at 240, stored at 60 frames a second).
+    slow_motion: How many seconds of the file are one true second (4: filmed at 240, stored at 60 frames a second).
+    first_s: Time of the first frame in the file.
     """
 
     path: Path
@@ -57,30 +58,32 @@ class Clip:
     duration_s: float
     quarter_turns: int = 0
     slow_motion: float = 1.0
+    first_s: float = 0.0
 
     @property
     def name(self) -> str:
         """Name without folders and ending, for shots and pictures."""
         return self.path.stem
 
-    def frames(self) -> Iterator[Frame]:
-        """Yield the frames in the order of time; stop where a damaged file cannot be read on.
+    def frames(self, begin_s: float = 0.0) -> Iterator[Frame]:
+        """Yield the frames from a time on, in order; stop where a damaged file cannot be read on.
 
         Raises:
             InputError: The file's frames have no times, or a picture cannot be read.
         """
-        stored = _pictures(self.path, self.rate_hz) if self.path.is_dir() else _decoded(self.path)
-        first_s: float | None = None
+        skipped_s = begin_s * self.slow_motion
+        stored = (_pictures(self.path, self.rate_hz) if self.path.is_dir() else
+                  _decoded(self.path, self.first_s + skipped_s if begin_s > 0.0 else None))
         last_s = -np.inf
         for time_s, planar, width in stored:
-            if time_s <= last_s:      # a frame that comes twice
+            if time_s <= last_s or time_s - self.first_s < skipped_s - 1e-6:      # a frame that comes twice, or before
                 continue
-            first_s, last_s = time_s if first_s is None else first_s, time_s
+            last_s = time_s
             luma, chroma = _planes(planar, width)
             if self.quarter_turns:
                 luma = np.ascontiguousarray(np.rot90(luma, self.quarter_turns))
                 chroma = np.ascontiguousarray(np.rot90(chroma, self.quarter_turns, axes=(1, 2)))
-            yield Frame((time_s - first_s) / self.slow_motion, luma, chroma)
+            yield Frame((time_s - self.first_s) / self.slow_motion, luma, chroma)
 
     def is_cut_short(self, last_s: float) -> bool:
         """Whether a clip whose last frame is at `last_s` lacks more of its end than rounding explains."""
@@ -127,15 +130,19 @@ def _opened(path: Path, slow_motion: float) -> Clip:
         raise InputError(f"{path}: cannot be read as a video: {_why(error)}") from error
     if frame is None:
         raise InputError(f"{path}: no frame of it can be decoded")
-    return Clip(path, rate, float(length) / slow_motion, round(frame.rotation / 90.0) % 4, slow_motion)
+    first_s = float(frame.pts * frame.time_base) if frame.pts is not None and frame.time_base else 0.0
+    return Clip(path, rate, float(length) / slow_motion, round(frame.rotation / 90.0) % 4, slow_motion, first_s)
 
 
-def _decoded(path: Path) -> Iterator[tuple[float, Image, int]]:
+def _decoded(path: Path, begin_s: float | None = None) -> Iterator[tuple[float, Image, int]]:
+    """(time, planar picture, its width) of the frames of a file, from the last key frame before `begin_s` on."""
     av = _av()
     try:
         with av.open(str(path), metadata_errors="replace") as container:
             stream = _video(container, path)
             stream.thread_type = "AUTO"
+            if begin_s is not None:
+                container.seek(int(begin_s / stream.time_base), stream=stream)
             for frame in container.decode(stream):
                 if frame.pts is None or frame.time_base is None:
                     raise InputError(f"{path}: its frames have no times, as in a raw stream; put it into an MP4 file")
@@ -150,7 +157,7 @@ def _decoded(path: Path) -> Iterator[tuple[float, Image, int]]:
 def _video(container: Any, path: Path) -> Any:
     stream = next(iter(container.streams.video), None)
     if stream is None:
-        raise InputError(f"{path}: has no pictures, only {', '.join({one.type for one in container.streams}) or 'data'}")
+        raise InputError(f"{path}: has no pictures; name a video")
     # decoding without a codec ends the process (PyAV #2344)
     if stream.codec_context is None or not stream.codec_context.width:
         raise InputError(f"{path}: is damaged or cut short: nothing says how its pictures are coded")

@@ -15,8 +15,8 @@ from truearc.sim.video.ballistics import FlightFit, Floats, G, Priors, fit_fligh
 from truearc.sim.video.detect import Blob
 
 FEWEST = 6                            # positions of a flight
-WINDOW_S, KEPT_S = 8.0, 3.0           # blobs that are looked at together; of these the ones that a later flight may need
-GAP_S, GAP_FRAMES = 0.12, 3           # without a blob, after which a flight has ended (the longer)
+WINDOW_S, KEPT_S = 8.0, 3.0           # blobs that are looked at together; and how long a flight may last
+GAP_S, GAP_FRAMES = 0.2, 3            # without a blob, after which a flight has ended (the longer)
 MEMORY = 8                            # newest positions that predict the next
 SPEEDS = 400.0                        # diameters a second: more than any ball's
 GRAVITY = (15.0, 700.0)               # diameters/s2: balls from 1.4 to 65 cm
@@ -194,7 +194,8 @@ def settle(chain: tuple[Blob, ...], gravity: tuple[float, float], priors: Priors
         # blur makes streaks less certain, and a sharp ball has the best diameter
         sharp = sorted(chain, key=lambda blob: blob.length_px / blob.diameter_px)[:max(3, len(chain) // 2)]
         unit = _diameter(sharp)
-        t_s, place, sigma = (np.array([one.time_s for one in chain]), _places(chain, unit), _sigmas(chain, unit))
+        t_s, place, sigma = (np.array([one.time_s for one in chain]), _places(chain, unit),
+                             np.array([sigma_px(one) for one in chain]) / unit)
         fit = fit_flight(t_s, place, sigma, np.array([one.row for one in chain]), priors)
         kept = tuple(blob for blob, weight in zip(chain, fit.weight, strict=True) if weight > 0.05)
         if len(kept) == len(chain):
@@ -208,9 +209,9 @@ def _places(chain: tuple[Blob, ...], unit: float) -> Floats:
     return np.array([(blob.x_px, -blob.y_px) for blob in chain]) / unit
 
 
-def _sigmas(chain: tuple[Blob, ...], unit: float) -> Floats:
-    """Standard deviations of positions but for a factor: a fifth of a pixel and a fiftieth of the streak."""
-    return np.array([np.hypot(0.2, 0.02 * blob.length_px) for blob in chain]) / unit
+def sigma_px(blob: Blob) -> float:
+    """Return the standard deviation of a blob's centre, but for a factor: a quarter of a pixel, or 2 % of a streak."""
+    return float(np.hypot(0.25, 0.02 * blob.length_px))
 
 
 def is_flight(flight: Flight, gravity: tuple[float, float]) -> bool:
@@ -230,8 +231,10 @@ def agreeing(flights: list[Flight], expected: float | None = None) -> list[Fligh
         expected: Gravity in diameters/s2 if the ball's diameter is known; flights that have it come before others.
     """
     def within(centre: float) -> list[Flight]:
-        return [flight for flight in flights
+        near = [flight for flight in flights
                 if abs(np.log(flight.gravity / centre)) < AGREE + 2.0 * flight.fit.gravity_sd / flight.gravity]
+        usual = float(np.median([flight.unit_px for flight in near for _ in flight.blobs])) if near else 1.0
+        return [flight for flight in near if 1.0 / SIZES < flight.unit_px / usual < SIZES]
 
     if expected is not None and (known := within(expected)):
         return known

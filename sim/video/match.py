@@ -93,8 +93,8 @@ def match_times(flight_s: Floats, shot_s: Floats, begin_s: float, end_s: float) 
         end_s: When it ends.
     """
     if len(flight_s) < FEWEST or len(shot_s) < FEWEST:
-        return Matching(None, None, 0.0, f"{len(flight_s)} flights and {len(shot_s)} shots have no pattern of times; at "
-                        f"least {FEWEST} of each are needed, or --by-order")
+        return Matching(None, None, 0.0, f"{len(flight_s)} flights and {len(shot_s)} shots have no pattern of times; "
+                        f"at least {FEWEST} of each are needed, or --by-order")
     tried = [_refined(flight_s, shot_s, begin_s, end_s, offset) for offset in _offsets(flight_s, shot_s)]
     ranked = sorted((shift for shift in tried if shift.matched), key=lambda shift: -shift.nats)
     if not ranked:

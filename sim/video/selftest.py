@@ -1,8 +1,8 @@
 """The self-test of a clip: gravity, measured as if it were unknown, tells whether scale and clock are right.
 
-Every flight of a clip gives an acceleration in diameters of the ball. With the scale it is in m/s2; without one, it says
-how large the ball must be. Scale and clock enter differently, g ~ scale x clock^-2, and which of them is likelier to be
-wrong follows from how well each is known.
+Every flight of a clip gives an acceleration in diameters of the ball. With the scale it is in m/s2; without one, it
+says how large the ball must be. Scale and clock enter differently, g ~ scale x clock^-2, and which of them is likelier
+to be wrong follows from how well each is known.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truearc.sim.printed import Printed
-from truearc.sim.video.ballistics import DRAG, DRAG_PRIOR, LEAN, LIFT, READOUT, Priors
+from truearc.sim.video.ballistics import DRAG, LEAN, LIFT, READOUT, Priors
 from truearc.sim.video.calibrate import DIAMETER_SD, DIAMETER_SD_PX, Calibration
 from truearc.sim.video.link import Flight, settle
 
@@ -54,7 +54,7 @@ class SelfTest(Printed):
 
     def lines(self) -> list[str]:
         low, high = (100.0 * (self.diameter_m + sign * NINETY * self.diameter_sd_m) for sign in (-1, 1))
-        asked = (f"gravity asks for a ball of {100.0 * self.diameter_m:.1f} cm (90 % interval {low:.1f} to {high:.1f} cm)")
+        asked = f"gravity asks for a ball of {100 * self.diameter_m:.1f} cm (90 % interval {low:.1f} to {high:.1f} cm)"
         if np.isnan(self.gravity_m_s2):
             return [f"no scale: {asked}; state --ball-diameter, marks or a tag"]
         doubt = NINETY * self.sd_m_s2
@@ -63,40 +63,36 @@ class SelfTest(Printed):
         found = [f"{said}: scale and clock agree" if self.is_sound else f"warning: {said}: {self.cause}; {asked}" if
                  self.stated_m else f"warning: {said}: {self.cause}"]
         if abs(self.lean_deg) > LEAN_SEEN_DEG:
-            found.append(f"warning: gravity leans {abs(self.lean_deg):.1f} degrees from the picture's vertical: level the "
-                         "camera, or give two marks")
+            found.append(f"warning: gravity leans {abs(self.lean_deg):.1f} degrees from the picture's vertical: "
+                         "level the camera, or give two marks")
         return found
 
 
-def pool(flights: Sequence[Flight], diameter_m: float | None) -> list[Flight]:
-    """Fit flights of one clip again, with what they share as their prior: drag, lift, lean and read-out.
+def pool(flights: Sequence[Flight], priors: Priors) -> tuple[list[Flight], Priors]:
+    """Return flights of one clip, fitted with what they share as their prior, and that: drag, lift, lean and read-out.
 
     Args:
-        flights: Of one clip.
-        diameter_m: Of the ball; None if unknown.
+        flights: Of one clip, fitted with `priors`.
+        priors: Of a single flight, in diameters.
     """
-    values, spread = mean_values(flights)
-    unit_m = diameter_m or 0.1
-    wide = Priors(drag=(DRAG_PRIOR[0] * unit_m, DRAG_PRIOR[1] * unit_m))
-    priors = []
-    for number, (_, broad) in zip((DRAG, LIFT, LEAN, READOUT), wide, strict=True):
-        priors.append((float(values[number]), float(max(spread[number], POOLED_SHARE * broad))))
-    again = [settle(flight.blobs, (0.0, np.inf), Priors(*priors)) for flight in flights]
-    return [new or old for new, old in zip(again, flights, strict=True)]
+    shared = []
+    for number, (mean, broad) in zip((DRAG, LIFT, LEAN, READOUT), priors, strict=True):
+        precision = np.array([flight.fit.covariance[number, number] ** -1.0 for flight in flights])
+        told = np.array([flight.fit.values[number] for flight in flights]) * precision
+        total = max(precision.sum() - (len(flights) - 1) * broad ** -2, broad ** -2)      # the prior counts once
+        centre = (told.sum() - (len(flights) - 1) * mean * broad ** -2) / total
+        shared.append((float(centre), float(max(total ** -0.5, POOLED_SHARE * broad))))
+    pooled = Priors(*shared)
+    return [settle(flight.blobs, (0.0, np.inf), pooled) or flight for flight in flights], pooled
 
 
-def mean_values(flights: Sequence[Flight]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the weighted means of the parameters of flights, and their standard deviations."""
-    weights = np.array([np.diag(flight.fit.covariance) ** -1.0 for flight in flights])
-    values = np.array([flight.fit.values for flight in flights])
-    return (weights * values).sum(axis=0) / weights.sum(axis=0), weights.sum(axis=0) ** -0.5
-
-
-def measure_gravity(flights: Sequence[Flight], calibration: Calibration, diameter_m: float | None) -> SelfTest:
+def measure_gravity(flights: Sequence[Flight], shared: Priors, calibration: Calibration,
+                    diameter_m: float | None) -> SelfTest:
     """Measure gravity by the flights of a clip, at least one.
 
     Args:
         flights: Those of one clip that fall alike.
+        shared: What they share, of `pool`.
         calibration: The clip's.
         diameter_m: Of the ball, as stated; None if it was not.
     """
@@ -104,7 +100,6 @@ def measure_gravity(flights: Sequence[Flight], calibration: Calibration, diamete
     falls_px = np.array([flight.gravity * flight.unit_px for flight in flights])
     sds_px = np.array([flight.fit.gravity_sd * flight.unit_px for flight in flights])
     fall_px, sd_px = _mean(falls_px, sds_px)
-    values, _ = mean_values(flights)
     share = float(np.sqrt((sd_px / fall_px) ** 2 + DIAMETER_SD ** 2 + (DIAMETER_SD_PX / unit_px) ** 2))
     asked_m = EARTH_M_S2 * unit_px / fall_px
     scale = calibration.metres_per_px
@@ -112,7 +107,7 @@ def measure_gravity(flights: Sequence[Flight], calibration: Calibration, diamete
     sd = gravity * float(np.hypot(sd_px / fall_px, calibration.scale_sd)) if scale else float("nan")
     cause = "" if scale is None or SOUND_M_S2[0] <= gravity <= SOUND_M_S2[1] else _cause(gravity, calibration)
     return SelfTest(gravity, sd, asked_m, asked_m * share, diameter_m, cause,
-                    float(np.degrees(np.arctan(values[LEAN]))), float(values[READOUT]))
+                    float(np.degrees(np.arctan(shared.lean[0]))), shared.readout[0])
 
 
 def _mean(values: np.ndarray, sds: np.ndarray) -> tuple[float, float]:
@@ -120,7 +115,8 @@ def _mean(values: np.ndarray, sds: np.ndarray) -> tuple[float, float]:
     weights = sds ** -2.0
     fixed = (weights * values).sum() / weights.sum()
     excess = (weights * (values - fixed) ** 2).sum() - (len(values) - 1)
-    between = max(excess / max(weights.sum() - (weights ** 2).sum() / weights.sum(), 1e-300), 0.0) if len(values) > 1 else 0.0
+    room = weights.sum() - (weights ** 2).sum() / weights.sum()
+    between = max(excess / room, 0.0) if len(values) > 1 else 0.0
     weights = 1.0 / (sds ** 2 + between)
     return float((weights * values).sum() / weights.sum()), float(weights.sum() ** -0.5)
 
