@@ -14,7 +14,7 @@ import numpy as np
 from truearc.sim.video.ballistics import FlightFit, Floats, G, Priors, fit_flight
 from truearc.sim.video.detect import Blob
 
-FEWEST = 6                            # positions of a flight
+FEWEST = 7                            # positions of a flight
 WINDOW_S, KEPT_S = 8.0, 3.0           # blobs that are looked at together; and how long a flight may last
 GAP_S, GAP_FRAMES = 0.2, 3            # without a blob, after which a flight has ended (the longer)
 MEMORY = 8                            # newest positions that predict the next
@@ -25,6 +25,7 @@ GATE = 0.6                            # diameters between prediction and blob
 CURVED_SD = 0.12                      # share: a flight whose gravity is less certain may be a straight line
 SAGITTA = 0.35                        # diameters by which the path leaves its chord, at least
 ROUGH = 0.09                          # diameters: residual of a flight; of a hand's way it is larger
+DENSE = 0.7                           # share of the pictures of a flight in which the ball is found
 ANY_BALL = Priors(drag=(0.004, 0.004))            # 1/diameter: balls of 2 to 20 cm
 AGREE = 0.25                          # share by which gravities of one clip may differ, for depth and noise
 
@@ -197,12 +198,21 @@ def settle(chain: tuple[Blob, ...], gravity: tuple[float, float], priors: Priors
         t_s, place, sigma = (np.array([one.time_s for one in chain]), _places(chain, unit),
                              np.array([sigma_px(one) for one in chain]) / unit)
         fit = fit_flight(t_s, place, sigma, np.array([one.row for one in chain]), priors)
-        kept = tuple(blob for blob, weight in zip(chain, fit.weight, strict=True) if weight > 0.05)
+        kept = _joined([blob for blob, weight in zip(chain, fit.weight, strict=True) if weight > 0.05])
         if len(kept) == len(chain):
             flight = Flight(chain, unit, fit)
             return flight if is_flight(flight, gravity) else None
         chain = kept
     return None
+
+
+def _joined(blobs: list[Blob]) -> tuple[Blob, ...]:
+    """Blobs without single ones at the ends that are far from the rest: what a hand or another ball left there."""
+    while len(blobs) > 2 and blobs[1].frame - blobs[0].frame > GAP_FRAMES:
+        blobs = blobs[1:]
+    while len(blobs) > 2 and blobs[-1].frame - blobs[-2].frame > GAP_FRAMES:
+        blobs = blobs[:-1]
+    return tuple(blobs)
 
 
 def _places(chain: tuple[Blob, ...], unit: float) -> Floats:
@@ -220,7 +230,8 @@ def is_flight(flight: Flight, gravity: tuple[float, float]) -> bool:
     fall = float(fit.values[G])
     rough = float(np.sqrt((fit.residual ** 2).sum(axis=1).mean()))
     return (gravity[0] < fall < gravity[1] and fit.gravity_sd < CURVED_SD * fall
-            and fall * span_s ** 2 / 8.0 > SAGITTA and rough < max(ROUGH, 1.0 / flight.unit_px))
+            and fall * span_s ** 2 / 8.0 > SAGITTA and rough < max(ROUGH, 1.0 / flight.unit_px)
+            and len(flight.blobs) >= DENSE * (1 + flight.blobs[-1].frame - flight.blobs[0].frame))
 
 
 def agreeing(flights: list[Flight], expected: float | None = None) -> list[Flight]:
