@@ -109,7 +109,8 @@ def _measure(difference: Image, labels: npt.NDArray[np.int32], box: npt.NDArray[
         if shape is not None:
             x_px, y_px, diameter_px, length_px, angle_rad = shape
             if length_px <= STREAK * diameter_px and diameter_px >= LEAST_EDGE:
-                x_px, y_px, diameter_px = _circle(np.where(near, part, 0.0), x_px, y_px, diameter_px)
+                for _ in range(2):    # the second time from a better middle
+                    x_px, y_px, diameter_px = _circle(np.where(near, part, 0.0), x_px, y_px, diameter_px)
                 # across the way a place is covered half of the time nearer to the middle than the edge
                 diameter_px *= 2.0 / (1.0 + float(np.sqrt(1.0 - (length_px / diameter_px / 2.0) ** 2)))
             return left + x_px, top + y_px, diameter_px, length_px, angle_rad, full
@@ -126,10 +127,9 @@ def _circle(part: Floats, x_px: float, y_px: float, diameter_px: float) -> tuple
     polar = cv2.warpPolar(part.astype(np.float32), (RADII, DIRECTIONS), (x_px, y_px), reach, cv2.WARP_POLAR_LINEAR)
     inner, outer = (round(RADII * share / EDGE_REACH) for share in RIM)
     half = polar[:, inner:outer].mean(axis=1) / 2.0
-    above = polar >= half[:, None]
-    last = RADII - 1 - np.argmax(above[:, ::-1], axis=1)
-    sound = (last < RADII - 1) & (last >= inner) & (half > 0.0)
-    rows, last = np.flatnonzero(sound), last[sound]
+    below = polar[:, outer:] < half[:, None]
+    sound = below.any(axis=1) & (half > 0.5 * float(np.median(half)))
+    rows, last = np.flatnonzero(sound), outer - 1 + np.argmax(below, axis=1)[sound]
     high, low = polar[rows, last], polar[rows, last + 1]
     radius = (last + (high - half[rows]) / np.maximum(high - low, 1e-6)) * reach / RADII
     angle = rows * 2.0 * np.pi / DIRECTIONS
