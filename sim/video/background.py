@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from truearc.sim.video.frames import Clip, Frame, Image
 
@@ -26,6 +27,7 @@ class Background:
     def __init__(self) -> None:
         self._samples: deque[Frame] = deque(maxlen=SAMPLES)
         self._fresh = 0
+        self._looked: npt.NDArray[np.float32] | None = None
         self.luma: Image = np.empty((0, 0), np.uint8)
         self.chroma: Image = np.empty((0, 0, 0), np.uint8)
 
@@ -59,13 +61,15 @@ class Background:
 
 
     def shift_px(self, frame: Frame) -> float:
-        """Return how far the whole picture has moved against the background (phase correlation)."""
-        small = [cv2.resize(one, None, fx=1.0 / SMALLER, fy=1.0 / SMALLER, interpolation=cv2.INTER_AREA)
-                 .astype(np.float32) for one in (self.luma, frame.luma)]
-        (x_px, y_px), _ = cv2.phaseCorrelate(*small, cv2.createHanningWindow(small[0].shape[::-1], cv2.CV_32F))
-        there = cv2.warpAffine(small[0], np.array([[1.0, 0.0, x_px], [0.0, 1.0, y_px]]), small[0].shape[::-1],
+        """Return how far the whole picture has moved since the last one that was asked about (phase correlation)."""
+        size = (frame.luma.shape[1] // SMALLER, frame.luma.shape[0] // SMALLER)
+        now = cv2.resize(frame.luma, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        before, self._looked = now if self._looked is None else self._looked, now
+        window = cv2.createHanningWindow(size, cv2.CV_32F)
+        (x_px, y_px), _ = cv2.phaseCorrelate(before.copy(), now.copy(), window)       # multiplies them in place
+        there = cv2.warpAffine(before, np.array([[1.0, 0.0, x_px], [0.0, 1.0, y_px]]), size,
                                borderMode=cv2.BORDER_REPLICATE)
-        still, moved = (float(np.abs(small[1] - one).mean()) for one in (small[0], there))
+        still, moved = float(np.abs(now - before).mean()), float(np.abs(now - there).mean())
         return SMALLER * float(np.hypot(x_px, y_px)) if moved < EXPLAINED * still else 0.0
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.video.ballistics import FlightFit, Floats, G, Priors, fit_flight
+from truearc.sim.video.ballistics import READOUT, FlightFit, Floats, G, Priors, fit_flight, fly
 from truearc.sim.video.detect import Blob
 
 FEWEST = 7                            # positions of a flight
@@ -19,7 +19,8 @@ WINDOW_S, KEPT_S = 8.0, 3.0           # blobs that are looked at together; and h
 GAP_S, GAP_FRAMES = 0.2, 3            # without a blob, after which a flight has ended (the longer)
 MEMORY = 8                            # newest positions that predict the next
 SPEEDS = 400.0                        # diameters a second: more than any ball's
-GRAVITY = (15.0, 700.0)               # diameters/s2: balls from 1.4 to 65 cm
+GRAVITY = (2.0, 700.0)                # diameters/s2: balls of 1.4 cm, and of 30 cm in slow motion of four times
+SLOW, MANY, SMOOTH = 15.0, 20, 0.25   # falls slower than 65 cm balls' need as many positions, and that share of ROUGH
 SIZES = 1.6                           # ratio of two diameters of one ball, streaks included
 GATE = 0.6                            # diameters between prediction and blob
 CURVED_SD = 0.12                      # share: a flight whose gravity is less certain may be a straight line
@@ -91,8 +92,9 @@ def _flights_in(window: list[list[Blob]], gravity: tuple[float, float]) -> list[
             if len(left) >= FEWEST:
                 queue = sorted([*queue, left], key=len, reverse=True)
             continue
-        flight = settle(chain, gravity)
-        if flight is not None:
+        flight = settle(chain)
+        flight = flight and settle(_along(flight, window, used))
+        if flight is not None and is_flight(flight, gravity):
             used |= set(flight.blobs)
             found.append(flight)
     return sorted(found, key=lambda flight: flight.blobs[-1].time_s)
@@ -181,12 +183,27 @@ def _nearest(near: list[Blob], candidates: list[Blob], gravity: tuple[float, flo
     return found
 
 
-def settle(chain: tuple[Blob, ...], gravity: tuple[float, float], priors: Priors = ANY_BALL) -> Flight | None:
-    """Fit a flight to linked blobs, without the outliers at its ends and between; None if it is no flight.
+def _along(flight: Flight, window: list[list[Blob]], used: set[Blob]) -> tuple[Blob, ...]:
+    """The free blobs nearest to a fitted curve: where two balls meet, a chain may have gone on with the other."""
+    first, last = flight.blobs[0], flight.blobs[-1]
+    near = [blobs for blobs in window if first.frame <= blobs[0].frame <= last.frame + GAP_FRAMES]
+    curve = fly(flight.fit.values[:, None], np.array([blobs[0].time_s for blobs in near]))[:, :, 0] * flight.unit_px
+    found = []
+    for blobs, (x_px, z_px, vx_px_s, vz_px_s) in zip(near, curve, strict=True):
+        late_s = [flight.fit.values[READOUT] * blob.row for blob in blobs]
+        off = [float(np.hypot(blob.x_px - x_px - late * vx_px_s, -blob.y_px - z_px - late * vz_px_s))
+               for blob, late in zip(blobs, late_s, strict=True)]
+        best = int(np.argmin(off))
+        if off[best] < GATE * flight.unit_px and blobs[best] not in used:
+            found.append(blobs[best])
+    return tuple(found)
+
+
+def settle(chain: tuple[Blob, ...], priors: Priors = ANY_BALL) -> Flight | None:
+    """Fit a flight to linked blobs, without the outliers at its ends and between; None if too few are left.
 
     Args:
         chain: Blobs by time.
-        gravity: As in `link_flights`.
         priors: Of its motion, in diameters.
     """
     for _ in range(4):
@@ -200,8 +217,7 @@ def settle(chain: tuple[Blob, ...], gravity: tuple[float, float], priors: Priors
         fit = fit_flight(t_s, place, sigma, np.array([one.row for one in chain]), priors)
         kept = _joined([blob for blob, weight in zip(chain, fit.weight, strict=True) if weight > 0.05])
         if len(kept) == len(chain):
-            flight = Flight(chain, unit, fit)
-            return flight if is_flight(flight, gravity) else None
+            return Flight(chain, unit, fit)
         chain = kept
     return None
 
@@ -229,6 +245,8 @@ def is_flight(flight: Flight, gravity: tuple[float, float]) -> bool:
     fit, span_s = flight.fit, flight.blobs[-1].time_s - flight.blobs[0].time_s
     fall = float(fit.values[G])
     rough = float(np.sqrt((fit.residual ** 2).sum(axis=1).mean()))
+    if fall < SLOW and (len(flight.blobs) < MANY or rough > SMOOTH * ROUGH):
+        return False                  # a hand is as slow, but not as even
     return (gravity[0] < fall < gravity[1] and fit.gravity_sd < CURVED_SD * fall
             and fall * span_s ** 2 / 8.0 > SAGITTA and rough < max(ROUGH, 1.0 / flight.unit_px)
             and len(flight.blobs) >= DENSE * (1 + flight.blobs[-1].frame - flight.blobs[0].frame))

@@ -83,7 +83,7 @@ def pool(flights: Sequence[Flight], priors: Priors) -> tuple[list[Flight], Prior
         centre = (told.sum() - (len(flights) - 1) * mean * broad ** -2) / total
         shared.append((float(centre), float(max(total ** -0.5, POOLED_SHARE * broad))))
     pooled = Priors(*shared)
-    return [settle(flight.blobs, (0.0, np.inf), pooled) or flight for flight in flights], pooled
+    return [settle(flight.blobs, pooled) or flight for flight in flights], pooled
 
 
 def measure_gravity(flights: Sequence[Flight], shared: Priors, calibration: Calibration,

@@ -52,7 +52,7 @@ def wall(scene: Scene) -> np.ndarray:
     rows, columns = np.mgrid[0:scene.height, 0:scene.width]
     picture = np.full((scene.height, scene.width, 3), 120.0)
     for _ in range(25):
-        fx, fy, phase = rng.normal(0.0, 0.05, 2).tolist() + [rng.uniform(0.0, 6.3)]
+        fx, fy, phase = [*rng.normal(0.0, 0.05, 2).tolist(), rng.uniform(0.0, 6.3)]
         picture += (rng.normal(0.0, 5.0, 3) * np.cos(fx * columns + fy * rows + phase)[..., None])
     picture[(columns % 80 < 2) | (rows % 60 < 2)] -= 25.0
     picture[:, 500:508] = 60.0
