@@ -16,11 +16,12 @@ from truearc.sim.video.frames import Image
 
 Floats = npt.NDArray[np.float64]
 LEAST_DIFFERENCE, NOISE_SDS = 14.0, 5.0           # of grey levels: what may be a ball
-LEAST_AREA = 12                       # pixels; a smaller ball has no diameter
+LEAST_AREA = 16                       # pixels; a smaller ball has no diameter
 MAX_SHARE = 0.12                      # of the picture's longer side: the largest ball
 MAX_STREAK = 12.0                     # diameters
-MARGIN = 3                            # pixels around a blob, for its edges
-LEAST_DIAMETER = 2.5                  # pixels
+MARGIN = 2                            # pixels of half the resolution around a blob, for its edges
+LEAST_DIAMETER = 5.0                  # pixels
+CLEAR = 12.0                          # pixels x least differences: what is small must stand out more
 EDGE_VARIANCE = 0.5                   # pixels^2: what lens, pixel and coding add to a shape's variance
 # percentiles of a shape's difference that are a place covered all the time; the second where the contrast varies
 FULL = (85.0, 40.0)
@@ -30,7 +31,7 @@ RIM = (0.28, 0.42)                    # diameters from the centre: inside, near 
 STREAK = 0.9                          # diameters: a longer way during the exposure is a streak
 # diameter by the spread / by the area of a disk; by the area of a streak / by the spread
 SOLID = ((0.85, 1.2), (0.6, 1.25))
-MAX_BLOBS = 80                        # in one picture, the most balls-like by their bounding boxes
+MAX_BLOBS, KEPT = 80, 30              # shapes of a picture that are measured, the thickest; and kept, the clearest
 
 
 class Blob(NamedTuple):
@@ -70,20 +71,24 @@ def find_blobs(difference: Image, noise: float, frame: int, time_s: float,
         quarter_turns: By which the picture was turned counterclockwise, which turned the sensor's rows.
     """
     level = max(LEAST_DIFFERENCE, NOISE_SDS * noise)
-    _, mask = cv2.threshold(cv2.blur(difference, (3, 3)), level, 255, cv2.THRESH_BINARY)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
-    width, height, area = (stats[:, k].astype(np.float64) for k in (cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT,
-                                                                  cv2.CC_STAT_AREA))
+    mask = cv2.threshold(cv2.blur(difference, (3, 3)), level, 255, cv2.THRESH_BINARY)[1]
+    # at half the resolution: labelling takes most of the time
+    small = cv2.threshold(cv2.resize(mask, (mask.shape[1] // 2, mask.shape[0] // 2), interpolation=cv2.INTER_AREA), 120,
+                          255, cv2.THRESH_BINARY)[1]
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(small, connectivity=8, ltype=cv2.CV_32S)
+    width, height = (2.0 * stats[:, k] for k in (cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT))
+    area = 4.0 * stats[:, cv2.CC_STAT_AREA]
     longest = MAX_SHARE * max(difference.shape)
     thick = area / np.hypot(width, height)        # of a streak nearly its diameter, of branches little
     fits = (area >= LEAST_AREA) & (thick >= 2.0) & (thick <= longest) & (np.hypot(width, height) <= MAX_STREAK * thick)
     fits[0] = False                   # the background
     found = []
     for label in sorted(np.flatnonzero(fits), key=lambda one: -thick[one])[:MAX_BLOBS]:
-        blob = _measure(difference, labels, stats[label], int(label), level)
-        if blob is not None:
-            found.append(Blob(time_s, *blob, _row(blob[0], blob[1], difference.shape, quarter_turns), frame))
-    return found
+        blob = _measure(difference, mask, labels, stats[label], int(label), level)
+        if blob is not None and blob[2] * blob[5] >= CLEAR * level:
+            row = _row(blob[0], blob[1], difference.shape, quarter_turns)
+            found.append(Blob(time_s, *map(float, blob), row, frame))
+    return sorted(found, key=lambda one: -one.diameter_px * one.contrast)[:KEPT]
 
 
 def _row(x_px: float, y_px: float, shape: tuple[int, ...], quarter_turns: int) -> float:
@@ -91,17 +96,22 @@ def _row(x_px: float, y_px: float, shape: tuple[int, ...], quarter_turns: int) -
     return (down, right, -down, -right)[quarter_turns]
 
 
-def _measure(difference: Image, labels: npt.NDArray[np.int32], box: npt.NDArray[np.int32], label: int,
+def _measure(difference: Image, mask: Image, labels: npt.NDArray[np.int32], box: npt.NDArray[np.int32], label: int,
              level: float) -> tuple[float, float, float, float, float, float] | None:
     """(x, y, diameter, length, angle, contrast) of one shape; None if it is no disk and no streak, or is cut off."""
-    left, top = max(box[0] - MARGIN, 0), max(box[1] - MARGIN, 0)
-    right, bottom = box[0] + box[2] + MARGIN, box[1] + box[3] + MARGIN
     if box[0] == 0 or box[1] == 0 or box[0] + box[2] == labels.shape[1] or box[1] + box[3] == labels.shape[0]:
         return None
-    own = labels[top:bottom, left:right]
-    part = difference[top:bottom, left:right].astype(np.float64)
-    inside = own == label
-    near = cv2.dilate(inside.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool) & ((own == 0) | inside)
+    left, top, right, bottom = (max(box[0] - MARGIN, 0), max(box[1] - MARGIN, 0), box[0] + box[2] + MARGIN,
+                                box[1] + box[3] + MARGIN)
+    own = cv2.resize(labels[top:bottom, left:right].astype(np.float32), None, fx=2.0, fy=2.0,
+                     interpolation=cv2.INTER_NEAREST)
+    left, top = 2 * left, 2 * top
+    part = difference[top:top + own.shape[0], left:left + own.shape[1]].astype(np.float64)
+    own = own[:part.shape[0], :part.shape[1]]
+    inside = (own == label) & (mask[top:top + own.shape[0], left:left + own.shape[1]] > 0)
+    if not inside.any():
+        return None
+    near = cv2.dilate(inside.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool) & ((own == 0) | (own == label))
     for percentile in FULL:
         full = float(np.percentile(part[inside], percentile))
         floor = min(0.5 * level, 0.25 * full)

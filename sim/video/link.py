@@ -92,7 +92,7 @@ def _flights_in(window: list[list[Blob]], gravity: tuple[float, float]) -> list[
             if len(left) >= FEWEST:
                 queue = sorted([*queue, left], key=len, reverse=True)
             continue
-        flight = settle(chain)
+        flight = settle(chain) if _falls(chain, gravity) else None
         flight = flight and settle(_along(flight, window, used))
         if flight is not None and is_flight(flight, gravity):
             used |= set(flight.blobs)
@@ -132,7 +132,8 @@ def _alike(one: Blob, other: Blob) -> bool:
 
 
 def _diameter(blobs: Iterable[Blob]) -> float:
-    return float(np.median([blob.diameter_px for blob in blobs]))
+    sizes = sorted(blob.diameter_px for blob in blobs)
+    return sizes[len(sizes) // 2]     # np.median takes longer than all else for a few
 
 
 def _grow(window: list[list[Blob]], seed: tuple[Blob, ...], gravity: tuple[float, float]) -> tuple[Blob, ...]:
@@ -183,6 +184,16 @@ def _nearest(near: list[Blob], candidates: list[Blob], gravity: tuple[float, flo
     return found
 
 
+def _falls(chain: tuple[Blob, ...], gravity: tuple[float, float]) -> bool:
+    """Whether blobs are near a parabola, roughly: most chains are not, and a fit takes a hundred times as long."""
+    unit = _diameter(chain)
+    t_s, place = np.array([one.time_s for one in chain]), _places(chain, unit)
+    rows = np.vander(t_s - t_s.mean(), 3)
+    motion = np.linalg.lstsq(rows, place, rcond=None)[0]
+    return bool(gravity[0] < -4.0 * motion[0, 1] and -motion[0, 1] < gravity[1]
+                and np.median(np.abs(place - rows @ motion)) < 5.0 * ROUGH)
+
+
 def _along(flight: Flight, window: list[list[Blob]], used: set[Blob]) -> tuple[Blob, ...]:
     """The free blobs nearest to a fitted curve: where two balls meet, a chain may have gone on with the other."""
     first, last = flight.blobs[0], flight.blobs[-1]
@@ -209,11 +220,11 @@ def settle(chain: tuple[Blob, ...], priors: Priors = ANY_BALL) -> Flight | None:
     for _ in range(4):
         if len(chain) < FEWEST:
             return None
-        # blur makes streaks less certain, and a sharp ball has the best diameter
-        sharp = sorted(chain, key=lambda blob: blob.length_px / blob.diameter_px)[:max(3, len(chain) // 2)]
-        unit = _diameter(sharp)
-        t_s, place, sigma = (np.array([one.time_s for one in chain]), _places(chain, unit),
-                             np.array([sigma_px(one) for one in chain]) / unit)
+        t_s = np.array([one.time_s for one in chain])
+        # the slower the ball, the sharper it is, and the better its diameter
+        speed = np.hypot(*np.gradient(_places(chain, 1.0), t_s, axis=0).T)
+        unit = float(np.median([chain[k].diameter_px for k in np.argsort(speed)[:max(3, len(chain) // 3)]]))
+        place, sigma = _places(chain, unit), np.array([sigma_px(one) for one in chain]) / unit
         fit = fit_flight(t_s, place, sigma, np.array([one.row for one in chain]), priors)
         kept = _joined([blob for blob, weight in zip(chain, fit.weight, strict=True) if weight > 0.05])
         if len(kept) == len(chain):

@@ -11,7 +11,7 @@ import numpy as np
 
 from truearc.sim.printed import Progress
 from truearc.sim.video.background import Background, differences
-from truearc.sim.video.ballistics import VX, VZ
+from truearc.sim.video.ballistics import VX, VZ, Priors
 from truearc.sim.video.calibrate import (
     FILE_CLOCK_SD,
     STATED_CLOCK_SD,
@@ -25,11 +25,12 @@ from truearc.sim.video.calibrate import (
 )
 from truearc.sim.video.detect import Blob, find_blobs
 from truearc.sim.video.frames import Clip
-from truearc.sim.video.link import ANY_BALL, FEWEST, Flight, agreeing, link_flights
+from truearc.sim.video.link import ANY_BALL, FEWEST, Flight, agreeing, link_flights, settle
 from truearc.sim.video.selftest import EARTH_M_S2, SelfTest, measure_gravity, pool
 
 EVERY_S = 0.5                         # how often the camera's movement is looked at
 STILL_PX = 1.0                        # movement of a still camera: noise, and people who walk through
+AIR_KG_M3, DRAG_COEFFICIENT = 1.2, 0.5            # of a ball that is not very smooth and fast
 FEW_HZ = 20.0                         # pictures a second below which a flight is seen in too few of them
 
 
@@ -38,6 +39,7 @@ class View:
     """What is known of how a clip was filmed.
 
     diameter_m: Of the ball; None if unknown.
+    mass_kg: Of the ball, from which its drag is known to a third; None if unknown.
     marks: Known places in the picture.
     tag_m: Side of an AprilTag in the plane of the flight; None if there is none.
     exit_px: The launcher's exit in the picture; None: where flights begin.
@@ -49,6 +51,15 @@ class View:
     tag_m: float | None = None
     exit_px: tuple[float, float] | None = None
     release_height_m: float = 0.0
+    mass_kg: float | None = None
+
+    @property
+    def priors(self) -> Priors:
+        """What a single flight is expected to be, in diameters."""
+        if self.mass_kg is None or self.diameter_m is None:
+            return ANY_BALL
+        drag = AIR_KG_M3 * DRAG_COEFFICIENT * np.pi * self.diameter_m ** 3 / 8.0 / self.mass_kg
+        return ANY_BALL._replace(drag=(drag, drag / 3.0))
 
 
 @dataclass(frozen=True)
@@ -121,7 +132,7 @@ def track_clip(clip: Clip, view: View, progress: Progress = lambda done, note: N
                             clock_sd=STATED_CLOCK_SD if clip.path.is_dir() else FILE_CLOCK_SD)
     if not flights:
         return TrackedClip(clip, seen.end_s, warnings=(*warnings, _no_flight(clip, seen)), left_out=tuple(left_out))
-    flights, shared = pool(flights, ANY_BALL)
+    flights, shared = pool([settle(flight.blobs, view.priors) or flight for flight in flights], view.priors)
     test = measure_gravity(flights, shared, calibration, view.diameter_m)
     own, *others = ([flights] if calibration.metres_per_px is None else
                     exits_of(flights, calibration.metres_per_px, view.exit_px))

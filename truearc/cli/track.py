@@ -75,7 +75,8 @@ def track(args: argparse.Namespace) -> int:
     recorded = ta.shots_from_sessions([args.session], args.out.name) if args.session else None
     rig = common.load_any_rig(args.rig) if args.rig else recorded.rig if recorded else None
     diameter_m = args.ball_diameter or (2.0 * rig.ball.radius_m if rig else None)
-    view = View(diameter_m, tuple(args.mark), args.tag_size, args.exit, rig.launcher.release_height_m if rig else 0.0)
+    view = View(diameter_m, tuple(args.mark), args.tag_size, args.exit, rig.launcher.release_height_m if rig else 0.0,
+                rig.ball.mass_kg if rig else None)
     clips, unread = [], 0
     for number, path in enumerate(args.clips):
         show = part_with_time_left(common.make_progress("track", args.quiet), number, len(args.clips))
