@@ -88,12 +88,13 @@ def track(args: argparse.Namespace) -> int:
             continue
         clips.append(one)
         say_clip(one)
-        write.save_pictures(args.out, one)
     if not clips:
         raise InputError("no clip could be read")
     named = write.match_flights(clips, recorded, args.by_order) if recorded else write.name_flights(clips)
     print(*named.lines, sep="\n", end="\n" if named.lines else "")
     saved = write.save_tracks(args.out, clips, named, rig, recorded)
+    for one in clips:
+        write.save_pictures(args.out, one)
     print(f"{args.out}: {saved} flights in tracks.csv; pictures in {args.out / write.PICTURES}")
     for line in advice(rig is not None, saved, args):
         print(line)
