@@ -87,7 +87,7 @@ def find_blobs(difference: Image, noise: float, frame: int, time_s: float,
         blob = _measure(difference, mask, labels, stats[label], int(label), level)
         if blob is not None and blob[2] * blob[5] >= CLEAR * level:
             row = _row(blob[0], blob[1], difference.shape, quarter_turns)
-            found.append(Blob(time_s, *map(float, blob), row, frame))
+            found.append(Blob._make((time_s, *map(float, blob), row, frame)))
     return sorted(found, key=lambda one: -one.diameter_px * one.contrast)[:KEPT]
 
 

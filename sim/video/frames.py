@@ -69,12 +69,12 @@ class Clip:
         """Yield the frames from a time on, in order; stop where a damaged file cannot be read on.
 
         Raises:
-            InputError: The file's frames have no times, or a picture cannot be read.
+            InputError: The file's frames have no times or differ in size, or a picture cannot be read.
         """
         skipped_s = begin_s * self.slow_motion
         stored = (_pictures(self.path, self.rate_hz) if self.path.is_dir() else
                   _decoded(self.path, self.first_s + skipped_s if begin_s > 0.0 else None))
-        last_s = -np.inf
+        last_s, size = -np.inf, None
         for time_s, planar, width in stored:
             if time_s <= last_s or time_s - self.first_s < skipped_s - 1e-6:      # a frame that comes twice, or before
                 continue
@@ -83,6 +83,10 @@ class Clip:
             if self.quarter_turns:
                 luma = np.ascontiguousarray(np.rot90(luma, self.quarter_turns))
                 chroma = np.ascontiguousarray(np.rot90(chroma, self.quarter_turns, axes=(1, 2)))
+            size = size or luma.shape
+            if luma.shape != size:    # as of clips that were joined
+                raise InputError(f"{self.path}: its pictures change their size after {time_s - self.first_s:.1f} s; "
+                                 "cut it there")
             yield Frame((time_s - self.first_s) / self.slow_motion, luma, chroma)
 
     def is_cut_short(self, last_s: float) -> bool:

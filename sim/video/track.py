@@ -5,7 +5,7 @@ short, a second launcher and a gravity that is not the earth's each get a senten
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -154,7 +154,7 @@ class Seen:
     end_s: float = 0.0
     pictures: int = 0
     blobs: int = 0
-    shifts_px: tuple[float, ...] = ()
+    shifts_px: list[float] = field(default_factory=list)
     upright: bool = False
 
 
@@ -166,7 +166,7 @@ def _blobs(clip: Clip, scene: Background, seen: Seen, progress: Progress) -> Ite
         seen.upright = frame.luma.shape[0] > frame.luma.shape[1]
         if frame.time_s - looked_s >= EVERY_S:
             looked_s = frame.time_s
-            seen.shifts_px += (scene.shift_px(frame),)
+            seen.shifts_px.append(scene.shift_px(frame))
             progress(min(frame.time_s / clip.duration_s, 0.99) if clip.duration_s else 0.0, f"{frame.time_s:.0f} s")
         yield blobs
 
