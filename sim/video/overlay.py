@@ -54,6 +54,8 @@ def _annotated(picture: Image, tracked: TrackedClip, number: int) -> Image:
     said = tracked.line(number).replace(", ", "\n", 2).split("\n")
     for row, text in enumerate(said):
         place = (10, 24 + 22 * row)
-        cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 3, cv2.LINE_AA)
+        (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 1)
+        cv2.rectangle(picture, (place[0] - 3, place[1] - height - 3), (place[0] + width + 3, place[1] + below), (0, 0, 0),
+                      -1)
         cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, TEXT, 1, cv2.LINE_AA)
     return picture
