@@ -13,7 +13,7 @@ setup: $(VENV)/.installed
 # compile all that is installed takes half of pip's time, and most of it is never imported.
 $(VENV)/.installed: pyproject.toml proof/pyproject.toml frc/pyproject.toml constraints.txt tools/make_view.py
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[sim,test]' \
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[sim,video,test]' \
 	    --editable proof --editable frc
 	$(BIN)/python tools/make_view.py
 	touch $@

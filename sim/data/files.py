@@ -241,7 +241,9 @@ def _tracks(table: RawTable | None, row_of: dict[str, int], problems: Problems) 
         return None
     cols.need_columns(table, TRACK_COLUMNS)
     shot = _shot_rows(table, row_of, problems)
-    t_s, x_m, y_m, z_m = (cols.number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m"))
+    is_flat = not any(map(cols.cell_text, table.columns["y_m"]))       # a camera from the side: discovery leaves y out
+    t_s, x_m, z_m = (cols.number_column(table, name, problems) for name in ("t_s", "x_m", "z_m"))
+    y_m = np.zeros(len(t_s)) if is_flat else cols.number_column(table, "y_m", problems)
     _check_order(table, shot, t_s, problems)
     return Tracks(shot, t_s, x_m, y_m, z_m)
 

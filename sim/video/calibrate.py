@@ -1,0 +1,251 @@
+"""Metres, level and origin of a side view, each with its standard deviation.
+
+Lengths come from the diameter of the ball, from two or more marks at known places, from an AprilTag of known size, or
+from several of them. Nothing is assumed silently: what was used is listed, and the standard deviations become the
+priors `[tracker]` of rig.toml, within which discovery fits the tracker's scale, tilt and clock.
+Frame: x toward the target, z up from the floor; origin on the floor below the exit.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from truearc.errors import InputError
+from truearc.sim.video.ballistics import Floats
+from truearc.sim.video.frames import Image
+from truearc.sim.video.link import Flight, sigma_px
+
+# Measured on rendered clips (tests/sim/video): blur and coding make a diameter uncertain by this much, for all flights
+DIAMETER_SD_PX, DIAMETER_SD = 0.4, 0.02
+MARK_SD_PX = 2.0                      # of a mark clicked on a picture
+DEPTH_SD = 0.015                      # a mark a hand before or behind the flight, seen from 6 m
+TAG_SD_PX = 0.3                       # of a corner of an AprilTag
+LEVEL_SD_DEG = 2.0                    # a phone levelled by eye, and a tag or stick put up by eye
+FILE_CLOCK_SD, STATED_CLOCK_SD = 0.002, 0.02      # times that a file states for each frame; a rate that the user states
+CLASH_SDS = 3.0                       # two sources farther apart are not both right
+SAME_EXIT_M = 0.25                    # flights that begin farther apart leave from two launchers
+
+
+class Mark(NamedTuple):
+    """A place of the picture whose place in the world is known.
+
+    Fields:
+        x_px, y_px: In the picture, from its upper left corner.
+        x_m, z_m: In the plane of the flight; of the launcher frame.
+    """
+
+    x_px: float
+    y_px: float
+    x_m: float
+    z_m: float
+
+
+class Source(NamedTuple):
+    """One measurement of the scale.
+
+    Fields:
+        name: What it was measured on.
+        metres_per_px: Its value.
+        sd: Standard deviation, as a share.
+    """
+
+    name: str
+    metres_per_px: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """How pixels become metres.
+
+    metres_per_px: In the plane of the flight; None if nothing known was in view.
+    scale_sd: Its standard deviation, as a share.
+    tilt_rad: Angle by which the picture's x axis points up in the world, as measured; 0 if it was not.
+    tilt_sd_deg: Standard deviation of the level.
+    clock_sd: Standard deviation of the rate of the clock, as a share.
+    sources: What the scale was measured on.
+    warnings: Sentences about sources that contradict each other.
+    anchor: A mark that fixes the origin; None: flights begin at the exit.
+    """
+
+    metres_per_px: float | None
+    scale_sd: float = float("nan")
+    tilt_rad: float = 0.0
+    tilt_sd_deg: float = LEVEL_SD_DEG
+    clock_sd: float = FILE_CLOCK_SD
+    sources: tuple[Source, ...] = ()
+    warnings: tuple[str, ...] = field(default=())
+    anchor: Mark | None = None
+
+
+def calibrate(flights: Sequence[Flight], picture: Image, *, diameter_m: float | None = None,
+              marks: Sequence[Mark] = (), tag_m: float | None = None,
+              clock_sd: float = FILE_CLOCK_SD) -> Calibration:
+    """Combine what is known of a clip's lengths.
+
+    Args:
+        flights: Of the clip.
+        picture: Its background, in which tags are sought.
+        diameter_m: Of the ball; None if unknown.
+        marks: Known places; two or more give scale and level, one gives the origin.
+        tag_m: Side of an AprilTag (36h11) in the plane of the flight; None if there is none.
+        clock_sd: Of the rate of the clip's clock.
+
+    Raises:
+        InputError: No tag is found, or all marks are at one place.
+    """
+    sources, tilts = [], []
+    if diameter_m is not None and flights:
+        unit_px = float(np.median([flight.unit_px for flight in flights]))
+        sources.append(Source("the ball's diameter", diameter_m / unit_px,
+                              float(np.hypot(DIAMETER_SD, DIAMETER_SD_PX / unit_px))))
+    if tag_m is not None:
+        source, tilt = _by_tag(picture, tag_m)
+        sources.append(source)
+        tilts.append(tilt)
+    if len(marks) >= 2:
+        source, tilt = _by_marks(marks)
+        sources.append(source)
+        tilts.append(tilt)
+    tilt_rad, tilt_sd = tilts[-1] if tilts else (0.0, LEVEL_SD_DEG)
+    anchor = marks[0] if marks else None
+    if not sources:
+        return Calibration(None, tilt_rad=tilt_rad, tilt_sd_deg=tilt_sd, clock_sd=clock_sd, anchor=anchor)
+    logs, weights = np.log([one.metres_per_px for one in sources]), np.array([one.sd ** -2 for one in sources])
+    mean = float((weights * logs).sum() / weights.sum())
+    return Calibration(float(np.exp(mean)), float(weights.sum() ** -0.5), tilt_rad, tilt_sd, clock_sd,
+                       tuple(sources), tuple(_clashes(sources)), anchor)
+
+
+def _clashes(sources: list[Source]) -> list[str]:
+    found = []
+    for k, one in enumerate(sources):
+        for other in sources[k + 1:]:
+            off = float(np.log(one.metres_per_px / other.metres_per_px))
+            if abs(off) > CLASH_SDS * np.hypot(one.sd, other.sd):
+                found.append(f"{one.name} makes lengths {abs(np.expm1(off)):.0%} {'longer' if off > 0 else 'shorter'} "
+                             f"than {other.name}: one of the two is stated wrong or not in the plane of the flight")
+    return found
+
+
+def _by_marks(marks: Sequence[Mark]) -> tuple[Source, tuple[float, float]]:
+    """(scale, (tilt, its sd in degrees)) of the similarity that maps the marks' pixels to their places."""
+    pixels = np.array([complex(mark.x_px, -mark.y_px) for mark in marks])
+    places = np.array([complex(mark.x_m, mark.z_m) for mark in marks])
+    spread = pixels - pixels.mean()
+    if not (abs(spread) > 1.0).any() or not (abs(places - places.mean()) > 0.0).any():
+        raise InputError("--mark: all marks are at one place; two apart give a scale")
+    reach = float(np.sqrt((abs(spread) ** 2).sum()))
+    ends = places - places.mean()
+    # seen from the one side or the other of the flight: the one that needs less of a turn
+    turns = ((np.conj(spread) * ends).sum() / reach ** 2, -(spread * ends).sum() / reach ** 2)
+    turn, way = min(zip(turns, (1, -1), strict=True), key=lambda pair: abs(np.angle(pair[0])))
+    tilt = way * float(np.angle(turn))
+    return (Source(f"{len(marks)} marks", float(abs(turn)), float(np.hypot(MARK_SD_PX / reach, DEPTH_SD))),
+            (tilt, float(np.degrees(MARK_SD_PX / reach))))
+
+
+def _by_tag(picture: Image, side_m: float) -> tuple[Source, tuple[float, float]]:
+    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11))
+    corners, _, _ = detector.detectMarkers(picture)
+    if not corners:
+        raise InputError("--tag-size: no AprilTag (36h11) is in view")
+    biggest = max((np.asarray(one, dtype=np.float64).reshape(4, 2) for one in corners),
+                  key=lambda one: cv2.contourArea(one.astype(np.float32)))
+    edges = np.roll(biggest, -1, axis=0) - biggest
+    sides = np.hypot(edges[:, 0], edges[:, 1])
+    level = edges[0] - edges[2]       # from the upper left to the upper right corner
+    # seen at a slant, width and height differ; the longer pair is nearer the truth
+    side_px = max(sides[0] + sides[2], sides[1] + sides[3]) / 2.0
+    tilt = float(np.arctan2(level[1], level[0]))
+    return (Source("the AprilTag", side_m / float(side_px), float(np.hypot(TAG_SD_PX / side_px, DEPTH_SD))),
+            (tilt, LEVEL_SD_DEG / 2.0))
+
+
+# --- positions
+
+class Placed(NamedTuple):
+    """A flight in metres.
+
+    Fields:
+        time_s: In the clip, corrected for the rolling shutter [n].
+        x_m, z_m: Launcher frame [n].
+        sigma_x_m, sigma_z_m: Standard deviations of the noise [n].
+    """
+
+    time_s: Floats
+    x_m: Floats
+    z_m: Floats
+    sigma_x_m: Floats
+    sigma_z_m: Floats
+
+
+def exits_of(flights: Sequence[Flight], metres_per_px: float,
+             exit_px: tuple[float, float] | None = None) -> list[list[Flight]]:
+    """Group flights by where and in which direction they begin: one group is one launcher.
+
+    The largest group is first, or that which begins nearest to the exit if that is known.
+    """
+    groups: list[list[Flight]] = []
+    for flight in flights:
+        for group in groups:
+            first, other = flight.blobs[0], group[0].blobs[0]
+            second = flight.blobs[1]
+            step_px = np.hypot(second.x_px - first.x_px, second.y_px - first.y_px)      # a first picture may be missed
+            if _forward(flight) == _forward(group[0]) and np.hypot(
+                    first.x_px - other.x_px, first.y_px - other.y_px) < SAME_EXIT_M / metres_per_px + 2.0 * step_px:
+                group.append(flight)
+                break
+        else:
+            groups.append([flight])
+    if exit_px is not None:
+        return sorted(groups, key=lambda group: np.hypot(group[0].blobs[0].x_px - exit_px[0],
+                                                         group[0].blobs[0].y_px - exit_px[1]))
+    return sorted(groups, key=len, reverse=True)
+
+
+def _forward(flight: Flight) -> int:
+    return 1 if flight.blobs[-1].x_px >= flight.blobs[0].x_px else -1
+
+
+def place_flights(flights: Sequence[Flight], calibration: Calibration, readout_s: float, noise_px: tuple[float, float],
+                  release_height_m: float, exit_px: tuple[float, float] | None = None) -> list[Placed]:
+    """Return the flights of one launcher in metres.
+
+    Args:
+        flights: Of one launcher.
+        calibration: With a scale.
+        readout_s: Of the rolling shutter.
+        noise_px: Factors of `sigma_px` across and up.
+        release_height_m: Height of the exit above the floor, where no mark fixes the origin.
+        exit_px: The exit in the picture; None: the mean of where the flights begin.
+    """
+    scale, mark = calibration.metres_per_px or 1.0, calibration.anchor
+    way = 1 if sum(map(_forward, flights)) >= 0 else -1
+    begin = exit_px or tuple(np.median([(one.blobs[0].x_px, one.blobs[0].y_px) for one in flights], axis=0))
+    origin = (mark.x_px, mark.y_px, mark.x_m, mark.z_m) if mark else (*begin, 0.0, release_height_m)
+    cosine, sine = np.cos(calibration.tilt_rad), np.sin(calibration.tilt_rad)
+    placed = []
+    for flight in flights:
+        across = np.array([blob.x_px for blob in flight.blobs]) - origin[0]
+        up = origin[1] - np.array([blob.y_px for blob in flight.blobs])
+        sigma = np.array([sigma_px(blob) for blob in flight.blobs]) * scale
+        placed.append(Placed(np.array([blob.time_s + readout_s * blob.row for blob in flight.blobs]),
+                             origin[2] + way * scale * (across * cosine - up * sine),
+                             origin[3] + scale * (up * cosine + across * sine),
+                             sigma * noise_px[0], sigma * noise_px[1]))
+    return placed
+
+
+def noise_factors(flights: Sequence[Flight]) -> tuple[float, float]:
+    """Return how much larger than `sigma_px` the residuals of flights are, across and up (root mean square)."""
+    squares, free = np.zeros(2), 0.0
+    for flight in flights:
+        sigma = np.array([sigma_px(blob) for blob in flight.blobs]) / flight.unit_px
+        squares += ((flight.fit.residual / sigma[:, None]) ** 2).sum(axis=0)
+        free += max(len(flight.blobs) - 3.0, 1.0)         # six numbers of a flight, three an axis
+    across, up = np.sqrt(squares / max(free, 1.0))
+    return max(float(across), 0.25), max(float(up), 0.25)

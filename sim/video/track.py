@@ -1,0 +1,195 @@
+"""One clip from pictures to flights in metres: detection, linking, calibration and self-test, with what is doubtful.
+
+Nothing is wrong in silence: a moving camera, a clip without flights, too few pictures a second, a file that was cut
+short, a second launcher and a gravity that is not the earth's each get a sentence.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from truearc.sim.printed import Progress
+from truearc.sim.video.background import Background, differences
+from truearc.sim.video.ballistics import VX, VZ, Priors
+from truearc.sim.video.calibrate import (
+    FILE_CLOCK_SD,
+    STATED_CLOCK_SD,
+    Calibration,
+    Mark,
+    Placed,
+    calibrate,
+    exits_of,
+    noise_factors,
+    place_flights,
+)
+from truearc.sim.video.detect import Blob, find_blobs
+from truearc.sim.video.frames import Clip
+from truearc.sim.video.link import ANY_BALL, FEWEST, Flight, agreeing, link_flights, settle
+from truearc.sim.video.selftest import EARTH_M_S2, SelfTest, measure_gravity, pool
+
+EVERY_S = 0.5                         # how often the camera's movement is looked at
+STILL_PX = 1.0                        # movement of a still camera: noise, and people who walk through
+AIR_KG_M3, DRAG_COEFFICIENT = 1.2, 0.5            # of a ball that is not very smooth and fast
+FEW_HZ = 20.0                         # pictures a second below which a flight is seen in too few of them
+
+
+@dataclass(frozen=True)
+class View:
+    """What is known of how a clip was filmed.
+
+    diameter_m: Of the ball; None if unknown.
+    mass_kg: Of the ball, from which its drag is known to a third; None if unknown.
+    marks: Known places in the picture.
+    tag_m: Side of an AprilTag in the plane of the flight; None if there is none.
+    exit_px: The launcher's exit in the picture; None: where flights begin.
+    release_height_m: Of the exit above the floor.
+    """
+
+    diameter_m: float | None = None
+    marks: tuple[Mark, ...] = ()
+    tag_m: float | None = None
+    exit_px: tuple[float, float] | None = None
+    release_height_m: float = 0.0
+    mass_kg: float | None = None
+
+    @property
+    def priors(self) -> Priors:
+        """What a single flight is expected to be, in diameters."""
+        if self.mass_kg is None or self.diameter_m is None:
+            return ANY_BALL
+        drag = AIR_KG_M3 * DRAG_COEFFICIENT * np.pi * self.diameter_m ** 3 / 8.0 / self.mass_kg
+        return ANY_BALL._replace(drag=(drag, drag / 3.0))
+
+
+@dataclass(frozen=True)
+class TrackedClip:
+    """What a clip showed.
+
+    clip: The clip.
+    end_s: Time of its last picture.
+    flights: Balls in the air that left the launcher, by time.
+    placed: The same in metres; empty without a scale.
+    calibration, self_test: Of the clip; None without flights.
+    warnings: Sentences about what is doubtful.
+    left_out: Sentences about flights that are not used.
+    """
+
+    clip: Clip
+    end_s: float
+    flights: tuple[Flight, ...] = ()
+    placed: tuple[Placed, ...] = ()
+    calibration: Calibration | None = None
+    self_test: SelfTest | None = None
+    warnings: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def begin_s(self) -> np.ndarray:
+        """When each flight begins, in the clip."""
+        return np.array([flight.blobs[0].time_s for flight in self.flights])
+
+    def line(self, number: int) -> str:
+        """Return what is to be said of a flight."""
+        flight = self.flights[number]
+        first, last = flight.blobs[0], flight.blobs[-1]
+        said = (f"{self.clip.name} flight {number + 1}: {first.time_s:.2f} to {last.time_s:.2f} s, {len(flight.blobs)} "
+                f"positions, residual {flight.unit_px * rms(flight):.2f} px")
+        if self.calibration is None or self.calibration.metres_per_px is None:
+            return said
+        unit_m = flight.unit_px * self.calibration.metres_per_px
+        velocity, share = unit_m * flight.fit.values[[VX, VZ]], self.calibration.scale_sd
+        speed = float(np.hypot(*velocity))
+        along = velocity / max(speed, 1e-9)
+        noise = unit_m * float(np.sqrt(along @ flight.fit.covariance[np.ix_([VX, VZ], [VX, VZ])] @ along))
+        across = np.array([-along[1], along[0]])
+        turn = unit_m * float(np.sqrt(across @ flight.fit.covariance[np.ix_([VX, VZ], [VX, VZ])] @ across)) / speed
+        angle = np.degrees(np.arctan2(velocity[1], abs(velocity[0])))
+        doubt = np.hypot(np.degrees(turn), self.calibration.tilt_sd_deg)
+        return (f"{said}, {speed:.2f} +- {np.hypot(noise, speed * share):.2f} m/s at {angle:.1f} +- {doubt:.1f} "
+                "degrees when first seen")
+
+
+def rms(flight: Flight) -> float:
+    """Return the root mean square of a flight's residuals, in diameters."""
+    return float(np.sqrt((flight.fit.residual ** 2).sum(axis=1).mean()))
+
+
+def track_clip(clip: Clip, view: View, progress: Progress = lambda done, note: None) -> TrackedClip:
+    """Find and measure the flights of a clip.
+
+    Raises:
+        InputError: A tag is not in view, or marks are at one place.
+    """
+    scene, seen = Background(), Seen()
+    found = list(link_flights(_blobs(clip, scene, seen, progress)))
+    flights = sorted(agreeing(found, None if view.diameter_m is None else EARTH_M_S2 / view.diameter_m),
+                     key=lambda flight: flight.blobs[0].time_s)
+    left_out = [f"{clip.name}: {_span(flight)}: it falls with another acceleration than the other balls"
+                for flight in found if flight not in flights]
+    warnings = _doubts(clip, seen)
+    calibration = calibrate(flights, scene.luma, diameter_m=view.diameter_m, marks=view.marks, tag_m=view.tag_m,
+                            clock_sd=STATED_CLOCK_SD if clip.path.is_dir() else FILE_CLOCK_SD)
+    if not flights:
+        return TrackedClip(clip, seen.end_s, warnings=(*warnings, _no_flight(clip, seen)), left_out=tuple(left_out))
+    flights, shared = pool([settle(flight.blobs, view.priors) or flight for flight in flights], view.priors)
+    test = measure_gravity(flights, shared, calibration, view.diameter_m)
+    own, *others = ([flights] if calibration.metres_per_px is None else
+                    exits_of(flights, calibration.metres_per_px, view.exit_px))
+    if others:
+        left_out += [f"{clip.name}: {_span(flight)}: it begins elsewhere" for group in others for flight in group]
+        warnings.append(f"{clip.name}: flights begin at {1 + len(others)} places; used are the {len(own)} from pixel "
+                        f"{own[0].blobs[0].x_px:.0f},{own[0].blobs[0].y_px:.0f}; another launcher, or throws by hand? "
+                        "--exit X,Y chooses the place")
+    placed = place_flights(own, calibration, shared.readout[0], noise_factors(own), view.release_height_m,
+                           view.exit_px) if calibration.metres_per_px is not None else []
+    return TrackedClip(clip, seen.end_s, tuple(own), tuple(placed), calibration, test,
+                       (*warnings, *(f"{clip.name}: {line}" for line in calibration.warnings)), tuple(left_out))
+
+
+@dataclass
+class Seen:
+    """What is counted while the pictures pass."""
+
+    end_s: float = 0.0
+    pictures: int = 0
+    blobs: int = 0
+    shifts_px: list[float] = field(default_factory=list)
+    upright: bool = False
+
+
+def _blobs(clip: Clip, scene: Background, seen: Seen, progress: Progress) -> Iterator[list[Blob]]:
+    looked_s = -np.inf
+    for number, (frame, difference, noise) in enumerate(differences(clip, scene)):
+        blobs = find_blobs(difference, noise, number, frame.time_s, clip.quarter_turns)
+        seen.end_s, seen.pictures, seen.blobs = frame.time_s, number + 1, seen.blobs + len(blobs)
+        seen.upright = frame.luma.shape[0] > frame.luma.shape[1]
+        if frame.time_s - looked_s >= EVERY_S:
+            looked_s = frame.time_s
+            seen.shifts_px.append(scene.shift_px(frame))
+            progress(min(frame.time_s / clip.duration_s, 0.99) if clip.duration_s else 0.0, f"{frame.time_s:.0f} s")
+        yield blobs
+
+
+def _doubts(clip: Clip, seen: Seen) -> list[str]:
+    found = []
+    if clip.is_cut_short(seen.end_s):
+        found.append(f"{clip.name}: its pictures end after {seen.end_s:.1f} of {clip.duration_s:.1f} s: the file is "
+                     "damaged or cut short; flights up to there are used")
+    moved = float(np.median(seen.shifts_px)) if seen.shifts_px else 0.0
+    if moved > STILL_PX:
+        found.append(f"{clip.name}: the camera moves, by {moved:.0f} pixels and more; put it on a tripod")
+    return found
+
+
+def _no_flight(clip: Clip, seen: Seen) -> str:
+    rate = (seen.pictures - 1) / seen.end_s if seen.end_s else 0.0
+    why = "nothing of a ball's shape moves in it" if seen.blobs < FEWEST else (
+        f"at {rate:.0f} pictures a second a ball in the air is seen too seldom; film with 60 or more"
+        if rate < FEW_HZ else "what moves does not fall freely: it is carried, rolls, is hidden or leaves the picture")
+    upright = "; the clip is upright: turn the phone, so that flights stay in view" if seen.upright else ""
+    return f"{clip.name}: no flight: {why}{upright}"
+
+
+def _span(flight: Flight) -> str:
+    return f"the ball at {flight.blobs[0].time_s:.2f} to {flight.blobs[-1].time_s:.2f} s is left out"

@@ -1,0 +1,133 @@
+"""Tracked clips as the files of a dataset: tracks.csv with standard deviations, shots.csv, rig.toml and pictures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import msgspec
+import numpy as np
+
+from truearc.errors import save_whole
+from truearc.robot.config.rig_spec import Rig, Tracker
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.files import LEFT_OUT, save_dataset
+from truearc.sim.printed import save_csv
+from truearc.sim.video.match import match_by_order, match_times
+from truearc.sim.video.overlay import draw_flight
+from truearc.sim.video.track import TrackedClip
+
+COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_z_m")
+PICTURES = "flights"                  # folder of the pictures
+
+
+@dataclass(frozen=True)
+class Named:
+    """Which shot each flight of the clips is.
+
+    shot_id: A name a flight, "" where it is no known shot; a tuple a clip.
+    lines: How each clip was matched.
+    complete: Whether every clip was.
+    """
+
+    shot_id: tuple[tuple[str, ...], ...]
+    lines: tuple[str, ...] = ()
+    complete: bool = True
+
+
+def name_flights(clips: Sequence[TrackedClip]) -> Named:
+    """Name flights after their clips, where there is no recording."""
+    return Named(tuple(tuple(f"{one.clip.name}-{number + 1:03d}" for number in range(len(one.flights)))
+                       for one in clips))
+
+
+def match_flights(clips: Sequence[TrackedClip], recorded: Dataset, by_order: bool = False) -> Named:
+    """Match the flights of clips to the shots of a recording.
+
+    Args:
+        clips: All of one camera, or of several that did not film the same shots.
+        recorded: Shots with `t_s`.
+        by_order: Take the first flight of the clips for the first shot, and so on.
+
+    Raises:
+        InputError: by_order, and there are not as many flights as shots.
+    """
+    ids = np.array([*recorded.shots.shot_id, ""])         # row -1 is no shot
+    if by_order:
+        rows = match_by_order(sum(len(one.flights) for one in clips), len(recorded.shots))
+        ends = np.cumsum([len(one.flights) for one in clips])[:-1]
+        return Named(tuple(tuple(map(str, ids[part])) for part in np.split(rows, ends)), ("matched by order",))
+    order = np.argsort(recorded.shots.number("t_s"))
+    shot_s, taken, complete = recorded.shots.number("t_s")[order], set[str](), True
+    names: list[tuple[str, ...]] = []
+    lines = []
+    for one in clips:
+        matching = match_times(one.begin_s, shot_s, 0.0, one.end_s)
+        rows = matching.shots if len(matching.shots) else np.full(len(one.flights), -1)
+        own = [str(ids[-1] if row < 0 else ids[order[row]]) for row in rows]
+        said = str(matching)
+        if twice := taken & {name for name in own if name}:
+            own, said = [""] * len(own), f"not matched: shots such as {min(twice)} are another clip's"
+        complete &= any(own)
+        taken.update(own)
+        names.append(tuple(own))
+        lines.append(f"{one.clip.name}: {said}")
+    return Named(tuple(names), tuple(lines), complete)
+
+
+def save_tracks(folder: Path, clips: Sequence[TrackedClip], named: Named, rig: Rig | None,
+                recorded: Dataset | None = None) -> int:
+    """Write the dataset of tracked clips; return the number of flights in tracks.csv.
+
+    Args:
+        folder: New or empty.
+        clips: With their flights.
+        named: Of `name_flights` or `match_flights`.
+        rig: Ball, launcher and target; None: no rig.toml is written.
+        recorded: The recording's shots; None: a row of shots.csv is a flight.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    left_out = [line for one in clips for line in one.left_out]
+    rows, flights = [], []
+    for one, names in zip(clips, named.shot_id, strict=True):
+        for number, (name, placed) in enumerate(zip(names, one.placed, strict=False)):
+            if not name:
+                left_out.append(f"{one.clip.name} flight {number + 1}: belongs to no recorded shot")
+                continue
+            flights.append((name, one.clip.name, float(placed.time_s[0])))
+            rows += [(name, f"{t - placed.time_s[0]:.6f}", f"{x:.5f}", "", f"{z:.5f}", f"{sx:.5f}", f"{sz:.5f}")
+                     for t, x, z, sx, sz in zip(*placed, strict=True)]
+    if recorded is not None:
+        shots, traces = recorded.shots, recorded.traces
+        left_out = [*recorded.left_out, *left_out]
+    else:
+        shots, traces = Shots(tuple(name for name, _, _ in flights), {"t_s": np.array([t for _, _, t in flights])},
+                              {"session": tuple(clip for _, clip, _ in flights)}), None
+    if rig is not None:
+        save_dataset(folder, Dataset(folder.name, with_tracker(rig, clips), shots, None, traces, tuple(left_out)))
+    else:
+        save_csv(folder / "shots.csv", ("shot_id", "t_s", "session"),
+                 [(name, f"{t:.6f}", clip) for name, clip, t in flights])
+        if left_out:
+            save_whole(folder / LEFT_OUT, "".join(f"{line}\n" for line in left_out).encode())
+    save_csv(folder / "tracks.csv", COLUMNS, rows)
+    return len(flights)
+
+
+def with_tracker(rig: Rig, clips: Sequence[TrackedClip]) -> Rig:
+    """Return the rig with what is known of the clips' scale, level and clock, by the least certain of them."""
+    known = [one.calibration for one in clips if one.calibration is not None and one.placed]
+    if not known:
+        return rig
+    return msgspec.structs.replace(rig, tracker=Tracker(
+        scale_sd=round(max(one.scale_sd for one in known), 5), clock_sd=max(one.clock_sd for one in known),
+        tilt_sd_deg=round(max(one.tilt_sd_deg for one in known), 3)))
+
+
+def save_pictures(folder: Path, one: TrackedClip) -> None:
+    """Write a picture of each flight of a clip into a folder of the dataset."""
+    (folder / PICTURES).mkdir(parents=True, exist_ok=True)
+    for number in range(len(one.flights)):
+        done, data = cv2.imencode(".jpg", draw_flight(one, number))
+        if done:
+            save_whole(folder / PICTURES / f"{one.clip.name}-{number + 1:03d}.jpg", data.tobytes())
