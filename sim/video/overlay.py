@@ -55,7 +55,7 @@ def _annotated(picture: Image, tracked: TrackedClip, number: int) -> Image:
     for row, text in enumerate(said):
         place = (10, 24 + 22 * row)
         (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 1)
-        cv2.rectangle(picture, (place[0] - 3, place[1] - height - 3), (place[0] + width + 3, place[1] + below), (0, 0, 0),
-                      -1)
+        corners = (place[0] - 3, place[1] - height - 3), (place[0] + width + 3, place[1] + below)
+        cv2.rectangle(picture, *corners, (0, 0, 0), -1)
         cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, TEXT, 1, cv2.LINE_AA)
     return picture
