@@ -3,7 +3,7 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Collection, Mapping, Sequence, Set
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
@@ -213,17 +213,31 @@ class _Guessing:
         for column, instead in NEEDED.items():
             have = {MOTOR if units.WHEEL.fullmatch(one) else one for one in self.columns}
             read = speed if column == MOTOR else column
-            nearly = None if have & {column, *instead} else self._take_number(column, read)
+            nearly = None if have & {column, *instead} or (column == MOTOR and self._take_wheels()
+                                                          ) else self._take_number(column, read)
             if nearly is not None and (column != "hood_deg" or self._take_number(SERVO, SERVO) is not None):
                 missing[read] = nearly
         if missing:
             raise self._not_recognised(missing)
 
-    def _take_number(self, column: str, read: str) -> list[str] | None:
-        """Take the signal of numbers that looks most like a column; read: as which column of a map. Where none does,
-        return lines on signals of such names, and why they are not that."""
+    def _take_wheels(self) -> bool:
+        """Take the speeds of the rig's wheels where signals name each; a single wheel may be called so. Return whether.
+        """
+        wheels, before = self.rig.launcher.wheel, ({**self.free}, {**self.columns}, [*self.lines])
+        for wheel in wheels:
+            called = [{*words_of(wheel.name)}, *([{"wheel"}] if len(wheels) == 1 else [])]
+            keys = [key for key in self.free if "motor" not in (said := words_of(key))
+                    and any(one <= {*said} for one in called)]
+            if self._take_number(MOTOR, f"wheel_{wheel.name}_rad_s", keys) is not None:
+                self.free, self.columns, self.lines = before
+                return False
+        return bool(wheels)
+
+    def _take_number(self, column: str, read: str, keys: Collection[str] | None = None) -> list[str] | None:
+        """Take the signal of numbers that looks most like a column; read: as which column of a map; keys: of which
+        signals. Where none does, return lines on signals of such names, and why they are not that."""
         scored = [(*self._score(series, column), -len(key), key) for key, series in self.free.items()
-                  if self.tables or len(series.t_s) > 1]
+                  if (self.tables or len(series.t_s) > 1) and (keys is None or key in keys)]
         fit = [(score, length, key) for score, unfit, length, key in scored if score > 0.0 and not unfit]
         if not fit:
             return [f"{column}: not {key}: {unfit}" for score, unfit, _, key in scored if score > 0.0][:MOST_NEAR]

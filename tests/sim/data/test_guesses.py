@@ -88,6 +88,23 @@ def test_a_wrong_map_of_the_servo_is_named(points: str, message: str, tmp_path: 
     assert "launcher.hood.map" in str(refused.value) and message in str(refused.value)
 
 
+@pytest.mark.parametrize(("names", "headings", "columns"), [
+    (("lower", "upper"), ("Lower RPM", "Upper RPM"), ["wheel_lower_rad_s", "wheel_upper_rad_s"]),
+    (("main",), ("mainWheelRPM",), ["wheel_main_rad_s"]), (("main",), ("Wheel (rpm)",), ["wheel_main_rad_s"]),
+    (("lower", "upper"), ("Lower RPM", "Feeder RPM"), ["motor_rad_s"]),
+    (("main",), ("Motor of wheel (RPM)",), ["motor_rad_s"]), (("main",), ("Flywheel RPM",), ["motor_rad_s"])])
+def test_a_heading_that_names_a_wheel_of_the_rig_is_its_speed_not_its_motors(names, headings, columns, tmp_path):
+    wheel = RIG[RIG.index("[[launcher.wheel]]"):RIG.index("[target]")]
+    rig = write(tmp_path, "rig.toml", RIG.replace(wheel, "".join(wheel.replace("main", name) for name in names)))
+    mine = write(tmp_path, "mine.csv", f"Dist (ft),Angle,{','.join(headings)},Result\n" + "".join(
+        f"{10 + k},45,{','.join([str(3300 + 10 * k)] * len(headings))},in\n" for k in range(8)))
+    found = guess([mine], rig).map.columns
+    assert [column for column in found if "rad_s" in column] == columns
+    shots = ta.import_shots([mine], rig=rig).shots
+    if columns[0] != "motor_rad_s":
+        assert shots.number(columns[-1])[0] == pytest.approx(3300 * np.pi / 30)
+
+
 TABLE = "Dist (ft),Angle,RPM,Result\n"
 
 
