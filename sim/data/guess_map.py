@@ -213,9 +213,12 @@ class _Guessing:
         for column, instead in NEEDED.items():
             have = {MOTOR if units.WHEEL.fullmatch(one) else one for one in self.columns}
             read = speed if column == MOTOR else column
-            nearly = None if have & {column, *instead} or (column == MOTOR and self._take_wheels()
-                                                          ) else self._take_number(column, read)
-            if nearly is not None and (column != "hood_deg" or self._take_number(SERVO, SERVO) is not None):
+            if have & {column, *instead} or (column == MOTOR and self._take_wheels()):
+                continue
+            others = [(one, one) for one in (*instead, *[SERVO] * (column == "hood_deg"))
+                      if one in NAMED and (self.tables or one == SERVO)]
+            nearly = self._take_number(column, read)
+            if nearly is not None and all(self._take_number(*one) is not None for one in others):
                 missing[read] = nearly
         if missing:
             raise self._not_recognised(missing)
@@ -246,7 +249,7 @@ class _Guessing:
         note = (f", in {stated}" if stated else f", in {seen} by the size of its numbers" if seen else
                 f", whose unit is not stated: taken as {own_unit(read)}" if own_unit(read) else "")
         self._take(read, key, stated or seen or own_unit(read), note)
-        if column == "hood_deg" and says(key, "vertical"):
+        if column in ("hood_deg", "exit_deg") and says(key, "vertical"):
             quarter = 90.0 if self.columns[read].unit != "rad" else round(math.pi / 2.0, 6)
             self.columns[read] = structs.replace(self.columns[read], times=-1.0, plus=quarter)
             self.lines[-1] += f"; from the vertical, so {quarter:g} less that"

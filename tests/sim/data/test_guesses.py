@@ -105,6 +105,17 @@ def test_a_heading_that_names_a_wheel_of_the_rig_is_its_speed_not_its_motors(nam
         assert shots.number(columns[-1])[0] == pytest.approx(3300 * np.pi / 30)
 
 
+@pytest.mark.parametrize(("angle", "deg"), [("ExitAngleDeg", 6.0), ("Exit angle from vertical (deg)", 84.0)])
+def test_stated_exit_speeds_need_no_wheel(angle: str, deg: float, tmp_path: Path) -> None:
+    launcher = RIG[RIG.index("free_speed_rad_s"):RIG.index("[target]")]
+    rig = write(tmp_path, "rig.toml", RIG.replace(launcher, ""))
+    mine = write(tmp_path, "mine.csv", f"Shot,DistanceFt,{angle},ExitSpeedFtS,Outcome\n" + "".join(
+        f"{k},{12 + 2 * k},{6 + k},{40 + 3 * k},{('in', 'short')[k % 2]}\n" for k in range(12)))
+    shots = ta.import_shots([mine], rig=rig).shots
+    assert [shots.number(name)[0] for name in ("distance_m", "exit_deg", "exit_speed_m_s")] == pytest.approx(
+        [12 * 0.3048, deg, 40 * 0.3048])
+
+
 TABLE = "Dist (ft),Angle,RPM,Result\n"
 
 
