@@ -4,7 +4,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence, Set
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,6 +35,7 @@ MOST_LISTED = 40                      # signals of a message
 MOST_WORDS = 12                       # different texts of a signal of outcomes
 LEAST_V = 5.0                         # of a battery; less is its number
 LEAST_STEP_S, LEAST_ROWS, REGULAR = 0.5, 20, 0.2       # rows of a log are closer, and so many; evenly apart
+MOST_CHANGES = 0.05                   # share of a log's rows whose outcome is not that of the row before
 OWN = "truearc"                       # a map that comes with truearc
 NO_OUTCOME = "outcome: none found: state outcome in the map, or shots have none"
 GEARED = ("motor_rad_s: taken to be the speed of the motors; where it is that of the wheels, divide by the gear: "
@@ -114,7 +115,10 @@ def _top(series: Series) -> float:
 
 
 def time_column(table: RawTable) -> TimeColumn | None:
-    """The column of time of a log; None of a table with a row per shot, whose times are further apart."""
+    """The column of time of a log; None of a table with a row per shot, whose times are further apart, or where each
+    row has an outcome."""
+    if any(says(name, "outcome") and _one_a_row([*map(outcome_text, cells)]) for name, cells in table.columns.items()):
+        return None
     for name in sorted(table.columns, key=lambda name: name != TIME):
         numbers = np.array([number for cell in table.columns[name] if (number := parse_number(cell)) is not None])
         if (not says(name, "times") or says(name, "durations")
@@ -464,6 +468,12 @@ def _series(name: str, cells: list[cols.Cell]) -> Series | None:
     texts = 2 * numbers.count(None) >= len(numbers)
     return Series(name, t_s, tuple(filled.values()) if texts else np.array(numbers, dtype=float), each_row=True
                   ) if filled else None
+
+
+def _one_a_row(texts: Sequence[str]) -> bool:
+    """Whether texts are outcomes of a shot each: a log says the same one in many rows."""
+    changes = sum(one != other for one, other in pairwise(texts))
+    return changes > MOST_CHANGES * len(texts) and {*texts} <= (CERTAIN.keys() | OPEN.keys()) - {""}
 
 
 def _is_named(key: str, counts: Counter[str]) -> bool:

@@ -116,6 +116,13 @@ def test_stated_exit_speeds_need_no_wheel(angle: str, deg: float, tmp_path: Path
         [12 * 0.3048, deg, 40 * 0.3048])
 
 
+def test_a_table_with_a_row_per_outcome_is_no_log(tmp_path: Path) -> None:
+    for words, found in ((("true", "false", "false"), True), (("in", "rim", "miss"), True), (("idle", "in"), False)):
+        mine = write(tmp_path, "mine.csv", "Timestamp,ActualRPS,DistanceMM,HoodAngle,Scored\n" + "".join(
+            f"{20 * k + 3.2:.1f},{47 + k % 9},2000,48.{k % 10},{words[k % len(words)]}\n" for k in range(50)))
+        assert (time_column(any_table(mine)) is None) == found
+
+
 TABLE = "Dist (ft),Angle,RPM,Result\n"
 
 
