@@ -66,6 +66,14 @@ NAMED = {column: [_words(kinds.get(kind, ())) for kind in ("nouns", "loose", "ki
 NEEDED = {"distance_m": (), "hood_deg": ("exit_deg",), MOTOR: ("motor_ratio", "exit_speed_m_s")}
 
 
+class NoSuchOutcomeError(InputError):
+    """Words whose meaning was given are not in the data."""
+
+    def __init__(self, message: str, absent: Sequence[str]) -> None:
+        super().__init__(message)
+        self.absent = absent
+
+
 class Guess(NamedTuple):
     """A map, and a line for each column of how sure it is.
 
@@ -424,11 +432,12 @@ class _Guessing:
                     ) -> tuple[OutcomeKeys, str, dict[str, str]]:
         """(what words mean whose meaning is certain or given, a question about the others, what is proposed of all)."""
         given = {maps.plain(text): word for text, word in given.items()}
+        if absent := [text for text in given if text not in counts]:
+            raise NoSuchOutcomeError(f"{self.name}: {key}: no outcome is called {', '.join(absent)}; there are "
+                                     f"{', '.join(filter(None, counts))}", absent)
         for text, word in given.items():
-            if text not in counts or (word not in maps.MARKS and word not in maps.NOT_MARKED):
-                raise InputError(f"{self.name}: {key}: {text} = {word}: " + (
-                    f"is none of {', '.join(maps.MARKS)}, rejected" if text in counts else
-                    f"no outcome is called {text}; there are {', '.join(filter(None, counts))}"))
+            if word not in maps.MARKS and word not in maps.NOT_MARKED:
+                raise InputError(f"{self.name}: {key}: {text} = {word}: is none of {', '.join(maps.MARKS)}, rejected")
         words = {text: given.get(text) or _meaning(text) for text in counts
                  if text and (self.tables or text not in GROUPS["idle"])}
         target = self.rig.target

@@ -5,6 +5,7 @@ import re
 import shlex
 import sys
 import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -284,6 +285,8 @@ def import_shots(args: argparse.Namespace) -> int:
 
 def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
     """(the dataset with the command, the map's text where it was guessed)."""
+    from truearc.robot.config.shot_map import plain
+    from truearc.sim.data.guess_map import NoSuchOutcomeError
     from truearc.sim.data.import_shots import guess
     if not args.rig:
         raise ta.InputError(f"{args.source}: --rig RIG.toml is needed: a log does not say what ball, wheels and target "
@@ -295,12 +298,16 @@ def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
         return replace(load(shot_map=args.map), imported=shlex.join([*again, "--map", str(args.map), "--force"])), ""
     if not args.guess:
         raise ta.InputError(f"{args.source}: --map MAP is needed, or --guess, which proposes one")
-    words = [f"{text}={word}" for text, word in (args.outcomes or {}).items()]
-    guessing = [*again, "--guess", *(["--outcomes", ",".join(words)] if words else [])]
+
+    def guessing(absent: Sequence[str] = ()) -> str:
+        words = [f"{text}={word}" for text, word in (args.outcomes or {}).items() if plain(text) not in absent]
+        return shlex.join([*again, "--guess", *(["--outcomes", ",".join(words)] if words else [])])
     try:
         guessed = guess(args.files, args.rig, args.outcomes, common.make_progress("guess", args.quiet))
+    except NoSuchOutcomeError as error:
+        raise ta.InputError(f"{error}\nWithout these words: {guessing(error.absent)}") from error
     except ta.InputError as error:
-        raise ta.InputError(f"{error}\nCorrect what is named, and run: {shlex.join(guessing)}") from error
+        raise ta.InputError(f"{error}\nCorrect what is named, and run: {guessing()}") from error
     print(f"guessed from the names, units and numbers of {args.files[0]}; make sure of it:")
     for line in guessed.lines:
         print(f"  {line}")
@@ -309,7 +316,7 @@ def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
         raise ta.InputError(f"{guessed.asked}. Correct it in the command and run: "
                             f"{shlex.join([*again, '--guess', '--outcomes', proposed])}")
     try:
-        return replace(load(shot_map=guessed.map), imported=shlex.join([*guessing, "--force"])), guessed.to_toml()
+        return replace(load(shot_map=guessed.map), imported=f"{guessing()} --force"), guessed.to_toml()
     except ta.InputError as error:
         print(f"\nthe map, to save as {MAP} and correct:\n\n{guessed.to_toml()}")
         raise ta.InputError(f"{error}\nCorrect what is named; or save the map above as {MAP}, correct it (words of "

@@ -1,6 +1,7 @@
 """Names, words and files as teams have them: what is guessed, what is asked, servo positions and workbooks."""
 
 import builtins
+import shlex
 from collections.abc import Callable
 from datetime import date, datetime
 from pathlib import Path
@@ -162,6 +163,15 @@ def test_a_word_of_certain_meaning_needs_no_answer_and_python_has_the_question_t
                               ({"rim": "perhaps"}, "rim = perhaps: is none of miss-low")):
         with pytest.raises(ta.InputError, match=message):
             ta.import_shots([open_], rig=rig, outcomes=outcomes)
+
+
+def test_words_that_are_not_in_the_data_are_left_out_of_the_next_command(tmp_path, capsys):
+    mine, rig = write(tmp_path, "makes.csv", rows("in", "in")), write(tmp_path, "rig.toml", PRINTED)
+    line = ["import", "csv", str(mine), "--rig", str(rig), "-o", str(tmp_path / "out"), "--guess", "--outcomes"]
+    assert main([*line, "Rim=two,in=three,short=miss-low"]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "no outcome is called rim, short; there are in\n" in said
+    assert main(shlex.split(said.rpartition(": truearc ")[2])) == 0
 
 
 def test_a_hit_by_a_map_is_named_by_the_word_of_the_data(tmp_path: Path) -> None:
