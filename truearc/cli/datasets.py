@@ -12,6 +12,7 @@ from pathlib import Path
 
 import truearc as ta
 from truearc.cli import common
+from truearc.cli.file_kinds import KINDS, as_typed, kind_of
 from truearc.errors import OTHER_FORMATS, InputError, about, needs
 from truearc.sim.data.importers import load_importers
 
@@ -260,7 +261,8 @@ def import_shots(args: argparse.Namespace) -> int:
     if importer is None:
         raise ta.InputError(f"{args.source}: {needs(args.source)}")
     if not importer.takes(args.files):
-        raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
+        raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}"
+                            f"{_as_own(args)}")
     shot_map = ""
     if importer.load is None:
         dataset, shot_map = _by_map(args)
@@ -268,7 +270,10 @@ def import_shots(args: argparse.Namespace) -> int:
         any_team = " and ".join(one.name for one in load_importers() if one.load is None)
         raise ta.InputError(f"--map, --guess and --rig are for {any_team}; {args.source} knows its files' form")
     else:
-        dataset = importer.load(*args.files)
+        try:
+            dataset = importer.load(*args.files)
+        except ta.InputError as error:
+            raise ta.InputError(f"{error}{_as_own(args)}") from error
     if args.only is not None:
         dataset = only(dataset, args.only)
     ta.save_dataset(args.out, dataset)
@@ -281,6 +286,12 @@ def import_shots(args: argparse.Namespace) -> int:
     for line in dataset.notes():
         print(f"note: {line}")
     return 0
+
+
+def _as_own(args: argparse.Namespace) -> str:
+    """The command for files that are not of the form that was named, by what the first of them is."""
+    use = KINDS.get(kind_of(Path(args.files[0])), {}).get("use", "")
+    return as_typed(f"\nFor a file of your own: {use.format(path=shlex.join(args.files))}", args) if use else ""
 
 
 def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
