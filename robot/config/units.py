@@ -33,9 +33,9 @@ NOUNS = {"m": "distance", "s": "time", "deg": "angle", "rad_s": "speed"}        
 REVOLUTION_DEG = 360.0
 SUFFIX = re.compile(r"(radians?persec(?:ond)?|rad(?:s)?per?sec|rotations?per(?:sec(?:ond)?|minute)|deg(?:rees)?persec|"
                     r"meterspersec(?:ond)?|mps|rpm|rps|radians?|rads?|degrees?|degs?|rotations?|rots?|meters?|inches|"
-                    r"feet|volts?|seconds?|_rad_s|_m_s|[ _](?:ft|in|cm|mm|yd|m|v|deg|rad))(/\d+|/value)?$",
+                    r"feet|volts?|seconds?|_(?:rad|m|ft)_s|[ _](?:ft|in|cm|mm|yd|m|v|deg|rad))(/\d+|/value)?$",
                     re.IGNORECASE)
-CAMEL = re.compile(r"(?<=[a-z])(MM|Mm|CM|Cm|IN|In|FT|Ft|YD|Yd|M|Deg|DEG|V|Ms|MS)$")      # DistanceMM
+CAMEL = re.compile(r"(?<=[a-z])(MM|Mm|CM|Cm|IN|In|FT|Ft|FtS|YD|Yd|M|Deg|DEG|V|Ms|MS)$")      # DistanceMM
 BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\.?\s*[)\]]\s*$")
 
 

@@ -192,10 +192,12 @@ class Dataset(Printed):
     def notes(self) -> tuple[str, ...]:
         """Return a line for each thing that limits what the shots can show, or that is seldom true of real ones.
 
-        These are rows that repeat another, shots of one instant, empty cells, outcomes of one kind, a voltage that
-        never changes, and balls that left below the straight line to the opening's lower rim. No command refuses them.
+        These are rows that repeat another, shots of one instant, empty cells, outcomes of one kind, scores from wheels
+        that stand, a voltage that never changes, and balls that left below the straight line to the opening's lower
+        rim. No command refuses them.
         """
-        return (*_repeated(self), *_empty(self), *_one_kind(self), *_still(self.shots), *_flat(self))
+        return (*_repeated(self), *_empty(self), *_one_kind(self), *_standing(self.shots), *_still(self.shots),
+                *_flat(self))
 
 
 def _counted(name: str) -> tuple[tuple[int, str], ...]:
@@ -292,6 +294,19 @@ def _one_kind(dataset: Dataset) -> Iterator[str]:
                                 or np.isfinite(shots.number("miss_height_m")).any()):
         only, other = ("makes", "misses") if True in kinds else ("misses", "makes")
         yield f"only {only}: nothing can be learnt about {other}; shots of both kinds tell most"
+
+
+def _standing(shots: Shots) -> Iterator[str]:
+    """Shots that scored although all speeds that are known of them are 0."""
+    speeds = np.array([column for name, column in shots.numbers.items()
+                       if name in ("motor_ratio", "exit_speed_m_s") or name.startswith(WHEEL)] or [shots.number("")])
+    still = (np.nan_to_num(speeds) == 0.0).all(axis=0) & np.isfinite(speeds).any(axis=0)
+    scored = [name for name, at_0, outcome in zip(shots.shot_id, still, shots.text("outcome"), strict=True)
+              if at_0 and outcome not in ("", "miss")]
+    if scored:
+        yield (f"speed 0 in {len(scored)} of {len(shots)} shots, which scored ({', '.join(scored[:3])}"
+               f"{', ...' if scored[3:] else ''}): nothing flies from wheels that stand; correct these cells, or leave "
+               "them empty")
 
 
 def _still(shots: Shots) -> Iterator[str]:

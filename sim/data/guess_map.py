@@ -3,8 +3,8 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence, Set
-from itertools import chain
+from collections.abc import Collection, Mapping, Sequence, Set
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,6 +35,7 @@ MOST_LISTED = 40                      # signals of a message
 MOST_WORDS = 12                       # different texts of a signal of outcomes
 LEAST_V = 5.0                         # of a battery; less is its number
 LEAST_STEP_S, LEAST_ROWS, REGULAR = 0.5, 20, 0.2       # rows of a log are closer, and so many; evenly apart
+MOST_CHANGES = 0.05                   # share of a log's rows whose outcome is not that of the row before
 OWN = "truearc"                       # a map that comes with truearc
 NO_OUTCOME = "outcome: none found: state outcome in the map, or shots have none"
 GEARED = ("motor_rad_s: taken to be the speed of the motors; where it is that of the wheels, divide by the gear: "
@@ -63,6 +64,14 @@ NAMED = {column: [_words(kinds.get(kind, ())) for kind in ("nouns", "loose", "ki
          for column, kinds in cols.VOCABULARY["names"].items()}
 # what is needed -> the other columns that stand for it
 NEEDED = {"distance_m": (), "hood_deg": ("exit_deg",), MOTOR: ("motor_ratio", "exit_speed_m_s")}
+
+
+class NoSuchOutcomeError(InputError):
+    """Words whose meaning was given are not in the data."""
+
+    def __init__(self, message: str, absent: Sequence[str]) -> None:
+        super().__init__(message)
+        self.absent = absent
 
 
 class Guess(NamedTuple):
@@ -114,7 +123,10 @@ def _top(series: Series) -> float:
 
 
 def time_column(table: RawTable) -> TimeColumn | None:
-    """The column of time of a log; None of a table with a row per shot, whose times are further apart."""
+    """The column of time of a log; None of a table with a row per shot, whose times are further apart, or where each
+    row has an outcome."""
+    if any(says(name, "outcome") and _one_a_row([*map(outcome_text, cells)]) for name, cells in table.columns.items()):
+        return None
     for name in sorted(table.columns, key=lambda name: name != TIME):
         numbers = np.array([number for cell in table.columns[name] if (number := parse_number(cell)) is not None])
         if (not says(name, "times") or says(name, "durations")
@@ -213,17 +225,34 @@ class _Guessing:
         for column, instead in NEEDED.items():
             have = {MOTOR if units.WHEEL.fullmatch(one) else one for one in self.columns}
             read = speed if column == MOTOR else column
-            nearly = None if have & {column, *instead} else self._take_number(column, read)
-            if nearly is not None and (column != "hood_deg" or self._take_number(SERVO, SERVO) is not None):
+            if have & {column, *instead} or (column == MOTOR and self._take_wheels()):
+                continue
+            others = [(one, one) for one in (*instead, *[SERVO] * (column == "hood_deg"))
+                      if one in NAMED and (self.tables or one == SERVO)]
+            nearly = self._take_number(column, read)
+            if nearly is not None and all(self._take_number(*one) is not None for one in others):
                 missing[read] = nearly
         if missing:
             raise self._not_recognised(missing)
 
-    def _take_number(self, column: str, read: str) -> list[str] | None:
-        """Take the signal of numbers that looks most like a column; read: as which column of a map. Where none does,
-        return lines on signals of such names, and why they are not that."""
+    def _take_wheels(self) -> bool:
+        """Take the speeds of the rig's wheels where signals name each; a single wheel may be called so. Return whether.
+        """
+        wheels, before = self.rig.launcher.wheel, ({**self.free}, {**self.columns}, [*self.lines])
+        for wheel in wheels:
+            called = [{*words_of(wheel.name)}, *([{"wheel"}] if len(wheels) == 1 else [])]
+            keys = [key for key in self.free if "motor" not in (said := words_of(key))
+                    and any(one <= {*said} for one in called)]
+            if self._take_number(MOTOR, f"wheel_{wheel.name}_rad_s", keys) is not None:
+                self.free, self.columns, self.lines = before
+                return False
+        return bool(wheels)
+
+    def _take_number(self, column: str, read: str, keys: Collection[str] | None = None) -> list[str] | None:
+        """Take the signal of numbers that looks most like a column; read: as which column of a map; keys: of which
+        signals. Where none does, return lines on signals of such names, and why they are not that."""
         scored = [(*self._score(series, column), -len(key), key) for key, series in self.free.items()
-                  if self.tables or len(series.t_s) > 1]
+                  if (self.tables or len(series.t_s) > 1) and (keys is None or key in keys)]
         fit = [(score, length, key) for score, unfit, length, key in scored if score > 0.0 and not unfit]
         if not fit:
             return [f"{column}: not {key}: {unfit}" for score, unfit, _, key in scored if score > 0.0][:MOST_NEAR]
@@ -232,7 +261,7 @@ class _Guessing:
         note = (f", in {stated}" if stated else f", in {seen} by the size of its numbers" if seen else
                 f", whose unit is not stated: taken as {own_unit(read)}" if own_unit(read) else "")
         self._take(read, key, stated or seen or own_unit(read), note)
-        if column == "hood_deg" and says(key, "vertical"):
+        if column in ("hood_deg", "exit_deg") and says(key, "vertical"):
             quarter = 90.0 if self.columns[read].unit != "rad" else round(math.pi / 2.0, 6)
             self.columns[read] = structs.replace(self.columns[read], times=-1.0, plus=quarter)
             self.lines[-1] += f"; from the vertical, so {quarter:g} less that"
@@ -403,11 +432,12 @@ class _Guessing:
                     ) -> tuple[OutcomeKeys, str, dict[str, str]]:
         """(what words mean whose meaning is certain or given, a question about the others, what is proposed of all)."""
         given = {maps.plain(text): word for text, word in given.items()}
+        if absent := [text for text in given if text not in counts]:
+            raise NoSuchOutcomeError(f"{self.name}: {key}: no outcome is called {', '.join(absent)}; there are "
+                                     f"{', '.join(filter(None, counts))}", absent)
         for text, word in given.items():
-            if text not in counts or (word not in maps.MARKS and word not in maps.NOT_MARKED):
-                raise InputError(f"{self.name}: {key}: {text} = {word}: " + (
-                    f"is none of {', '.join(maps.MARKS)}, rejected" if text in counts else
-                    f"no outcome is called {text}; there are {', '.join(filter(None, counts))}"))
+            if word not in maps.MARKS and word not in maps.NOT_MARKED:
+                raise InputError(f"{self.name}: {key}: {text} = {word}: is none of {', '.join(maps.MARKS)}, rejected")
         words = {text: given.get(text) or _meaning(text) for text in counts
                  if text and (self.tables or text not in GROUPS["idle"])}
         target = self.rig.target
@@ -447,6 +477,12 @@ def _series(name: str, cells: list[cols.Cell]) -> Series | None:
     texts = 2 * numbers.count(None) >= len(numbers)
     return Series(name, t_s, tuple(filled.values()) if texts else np.array(numbers, dtype=float), each_row=True
                   ) if filled else None
+
+
+def _one_a_row(texts: Sequence[str]) -> bool:
+    """Whether texts are outcomes of a shot each: a log says the same one in many rows."""
+    changes = sum(one != other for one, other in pairwise(texts))
+    return changes > MOST_CHANGES * len(texts) and {*texts} <= (CERTAIN.keys() | OPEN.keys()) - {""}
 
 
 def _is_named(key: str, counts: Counter[str]) -> bool:

@@ -10,6 +10,7 @@ import pytest
 from truearc.cli.aim import parse_distances
 from truearc.cli.file_kinds import ARGUMENTS, KINDS, kind_of
 from truearc.cli.main import NAMES, main
+from truearc.sim.data.importers import load_importers
 
 ROOT = Path(__file__).parents[2]
 LOOPS = "Timestamp,v\n" + "".join(f"{k / 50},{k}\n" for k in range(30))
@@ -92,8 +93,23 @@ def test_each_file_given_to_each_command(line, files, monkeypatch, capsys):
         assert main([name if word == "X" else word for word in line.split()]) == 2
         said = capsys.readouterr().err.strip().removeprefix(f"truearc {line.split(' X')[0].split(' --')[0]}: ")
         assert f"{name}: is a" in said or f"{name}: is the" in said
+        use = "" if kind == "table" and made == "init DIR" else use
+        if line.startswith("import") and "--rig X" not in line:
+            use = use.replace("-o DIR", "-o out").replace("--rig rig.toml", "--rig data/rig.toml")
         assert said.endswith(use or f"truearc {made.replace('X', 'NEW')}" if use or made else " is expected"), said
         assert "\n" not in said
+
+
+@pytest.mark.parametrize(("source", "name", "said"), [
+    ("frc-254", "wind.csv", "are missing\n"), ("ftc-decode", "mine.xlsx", "takes SHOTS.csv; not mine.xlsx\n")])
+def test_a_table_given_as_a_teams_recording_ends_in_the_import_of_any_table(source, name, said, files, monkeypatch,
+                                                                            capsys):
+    if source not in {one.name for one in load_importers()}:
+        pytest.skip("truearc-proof is not installed")
+    monkeypatch.chdir(files)
+    assert main(["import", source, name, "-o", "out"]) == 2
+    assert capsys.readouterr().err.endswith(
+        f"{said}For a file of your own: truearc import csv {name} --guess --rig rig.toml -o out\n")
 
 
 # check takes seconds to load, and run waits for a robot's bus

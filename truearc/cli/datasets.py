@@ -5,12 +5,14 @@ import re
 import shlex
 import sys
 import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import truearc as ta
 from truearc.cli import common
+from truearc.cli.file_kinds import KINDS, as_typed, kind_of
 from truearc.errors import OTHER_FORMATS, InputError, about, needs
 from truearc.sim.data.importers import load_importers
 
@@ -259,7 +261,8 @@ def import_shots(args: argparse.Namespace) -> int:
     if importer is None:
         raise ta.InputError(f"{args.source}: {needs(args.source)}")
     if not importer.takes(args.files):
-        raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
+        raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}"
+                            f"{_as_own(args)}")
     shot_map = ""
     if importer.load is None:
         dataset, shot_map = _by_map(args)
@@ -267,7 +270,10 @@ def import_shots(args: argparse.Namespace) -> int:
         any_team = " and ".join(one.name for one in load_importers() if one.load is None)
         raise ta.InputError(f"--map, --guess and --rig are for {any_team}; {args.source} knows its files' form")
     else:
-        dataset = importer.load(*args.files)
+        try:
+            dataset = importer.load(*args.files)
+        except ta.InputError as error:
+            raise ta.InputError(f"{error}{_as_own(args)}") from error
     if args.only is not None:
         dataset = only(dataset, args.only)
     ta.save_dataset(args.out, dataset)
@@ -282,8 +288,16 @@ def import_shots(args: argparse.Namespace) -> int:
     return 0
 
 
+def _as_own(args: argparse.Namespace) -> str:
+    """The command for files that are not of the form that was named, by what the first of them is."""
+    use = KINDS.get(kind_of(Path(args.files[0])), {}).get("use", "")
+    return as_typed(f"\nFor a file of your own: {use.format(path=shlex.join(args.files))}", args) if use else ""
+
+
 def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
     """(the dataset with the command, the map's text where it was guessed)."""
+    from truearc.robot.config.shot_map import plain
+    from truearc.sim.data.guess_map import NoSuchOutcomeError
     from truearc.sim.data.import_shots import guess
     if not args.rig:
         raise ta.InputError(f"{args.source}: --rig RIG.toml is needed: a log does not say what ball, wheels and target "
@@ -295,12 +309,16 @@ def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
         return replace(load(shot_map=args.map), imported=shlex.join([*again, "--map", str(args.map), "--force"])), ""
     if not args.guess:
         raise ta.InputError(f"{args.source}: --map MAP is needed, or --guess, which proposes one")
-    words = [f"{text}={word}" for text, word in (args.outcomes or {}).items()]
-    guessing = [*again, "--guess", *(["--outcomes", ",".join(words)] if words else [])]
+
+    def guessing(absent: Sequence[str] = ()) -> str:
+        words = [f"{text}={word}" for text, word in (args.outcomes or {}).items() if plain(text) not in absent]
+        return shlex.join([*again, "--guess", *(["--outcomes", ",".join(words)] if words else [])])
     try:
         guessed = guess(args.files, args.rig, args.outcomes, common.make_progress("guess", args.quiet))
+    except NoSuchOutcomeError as error:
+        raise ta.InputError(f"{error}\nWithout these words: {guessing(error.absent)}") from error
     except ta.InputError as error:
-        raise ta.InputError(f"{error}\nCorrect what is named, and run: {shlex.join(guessing)}") from error
+        raise ta.InputError(f"{error}\nCorrect what is named, and run: {guessing()}") from error
     print(f"guessed from the names, units and numbers of {args.files[0]}; make sure of it:")
     for line in guessed.lines:
         print(f"  {line}")
@@ -309,7 +327,7 @@ def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
         raise ta.InputError(f"{guessed.asked}. Correct it in the command and run: "
                             f"{shlex.join([*again, '--guess', '--outcomes', proposed])}")
     try:
-        return replace(load(shot_map=guessed.map), imported=shlex.join([*guessing, "--force"])), guessed.to_toml()
+        return replace(load(shot_map=guessed.map), imported=f"{guessing()} --force"), guessed.to_toml()
     except ta.InputError as error:
         print(f"\nthe map, to save as {MAP} and correct:\n\n{guessed.to_toml()}")
         raise ta.InputError(f"{error}\nCorrect what is named; or save the map above as {MAP}, correct it (words of "

@@ -59,7 +59,7 @@ def misplaced(command: str, args: argparse.Namespace, error: str = "") -> str:
         for path in map(Path, paths if wanted else []):
             concerned = error.startswith((f"{path}:", f"{path}/")) if error else path.exists()
             if concerned and path.exists() != bool(error) and (message := _objection(command, path, wanted)):
-                return message
+                return as_typed(message, args) if command == "import" and name != "rig" else message
     return ""
 
 
@@ -70,12 +70,20 @@ def _objection(command: str, path: Path, wanted: list[str]) -> str:
         return ""
     if "dataset" in wanted and kind and kind_of(path.resolve().parent) == "dataset":
         return f"{path}: is {KINDS[kind]['noun']}; name the folder that it is in: truearc {command} {path.parent}"
-    if kind and "use" in KINDS[kind]:
+    if kind and "use" in KINDS[kind] and (kind, wanted[0]) != ("table", "rig"):       # which is imported, not the rig
         return f"{path}: is {KINDS[kind]['noun']}, not {expected['noun']}; use: {_line(KINDS[kind]['use'], path)}"
     what = f"is {KINDS[kind]['noun']}" if kind else f"there is no such {'folder' if is_folder else 'file'}"
     if "make" not in expected:
         return f"{path}: {what}; {expected['noun']} is expected"
     return f"{path}: {what}; {expected['noun']} is made by: {_line(expected['make'], Path('NEW') if kind else path)}"
+
+
+def as_typed(message: str, args: argparse.Namespace) -> str:
+    """A message that ends in an import, with the rig and the folder that were given."""
+    for name, placeholder in (("rig", "--rig rig.toml"), ("out", "-o DIR")):
+        if (given := getattr(args, name, None)) is not None:
+            message = message.replace(placeholder, f"{placeholder.split()[0]} {shlex.quote(str(given))}")
+    return message
 
 
 def _line(command: str, path: Path) -> str:

@@ -1,6 +1,7 @@
 """Names, words and files as teams have them: what is guessed, what is asked, servo positions and workbooks."""
 
 import builtins
+import shlex
 from collections.abc import Callable
 from datetime import date, datetime
 from pathlib import Path
@@ -88,6 +89,41 @@ def test_a_wrong_map_of_the_servo_is_named(points: str, message: str, tmp_path: 
     assert "launcher.hood.map" in str(refused.value) and message in str(refused.value)
 
 
+@pytest.mark.parametrize(("names", "headings", "columns"), [
+    (("lower", "upper"), ("Lower RPM", "Upper RPM"), ["wheel_lower_rad_s", "wheel_upper_rad_s"]),
+    (("main",), ("mainWheelRPM",), ["wheel_main_rad_s"]), (("main",), ("Wheel (rpm)",), ["wheel_main_rad_s"]),
+    (("lower", "upper"), ("Lower RPM", "Feeder RPM"), ["motor_rad_s"]),
+    (("main",), ("Motor of wheel (RPM)",), ["motor_rad_s"]), (("main",), ("Flywheel RPM",), ["motor_rad_s"])])
+def test_a_heading_that_names_a_wheel_of_the_rig_is_its_speed_not_its_motors(names, headings, columns, tmp_path):
+    wheel = RIG[RIG.index("[[launcher.wheel]]"):RIG.index("[target]")]
+    rig = write(tmp_path, "rig.toml", RIG.replace(wheel, "".join(wheel.replace("main", name) for name in names)))
+    mine = write(tmp_path, "mine.csv", f"Dist (ft),Angle,{','.join(headings)},Result\n" + "".join(
+        f"{10 + k},45,{','.join([str(3300 + 10 * k)] * len(headings))},in\n" for k in range(8)))
+    found = guess([mine], rig).map.columns
+    assert [column for column in found if "rad_s" in column] == columns
+    shots = ta.import_shots([mine], rig=rig).shots
+    if columns[0] != "motor_rad_s":
+        assert shots.number(columns[-1])[0] == pytest.approx(3300 * np.pi / 30)
+
+
+@pytest.mark.parametrize(("angle", "deg"), [("ExitAngleDeg", 6.0), ("Exit angle from vertical (deg)", 84.0)])
+def test_stated_exit_speeds_need_no_wheel(angle: str, deg: float, tmp_path: Path) -> None:
+    launcher = RIG[RIG.index("free_speed_rad_s"):RIG.index("[target]")]
+    rig = write(tmp_path, "rig.toml", RIG.replace(launcher, ""))
+    mine = write(tmp_path, "mine.csv", f"Shot,DistanceFt,{angle},ExitSpeedFtS,Outcome\n" + "".join(
+        f"{k},{12 + 2 * k},{6 + k},{40 + 3 * k},{('in', 'short')[k % 2]}\n" for k in range(12)))
+    shots = ta.import_shots([mine], rig=rig).shots
+    assert [shots.number(name)[0] for name in ("distance_m", "exit_deg", "exit_speed_m_s")] == pytest.approx(
+        [12 * 0.3048, deg, 40 * 0.3048])
+
+
+def test_a_table_with_a_row_per_outcome_is_no_log(tmp_path: Path) -> None:
+    for words, found in ((("true", "false", "false"), True), (("in", "rim", "miss"), True), (("idle", "in"), False)):
+        mine = write(tmp_path, "mine.csv", "Timestamp,ActualRPS,DistanceMM,HoodAngle,Scored\n" + "".join(
+            f"{20 * k + 3.2:.1f},{47 + k % 9},2000,48.{k % 10},{words[k % len(words)]}\n" for k in range(50)))
+        assert (time_column(any_table(mine)) is None) == found
+
+
 TABLE = "Dist (ft),Angle,RPM,Result\n"
 
 
@@ -127,6 +163,15 @@ def test_a_word_of_certain_meaning_needs_no_answer_and_python_has_the_question_t
                               ({"rim": "perhaps"}, "rim = perhaps: is none of miss-low")):
         with pytest.raises(ta.InputError, match=message):
             ta.import_shots([open_], rig=rig, outcomes=outcomes)
+
+
+def test_words_that_are_not_in_the_data_are_left_out_of_the_next_command(tmp_path, capsys):
+    mine, rig = write(tmp_path, "makes.csv", rows("in", "in")), write(tmp_path, "rig.toml", PRINTED)
+    line = ["import", "csv", str(mine), "--rig", str(rig), "-o", str(tmp_path / "out"), "--guess", "--outcomes"]
+    assert main([*line, "Rim=two,in=three,short=miss-low"]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "no outcome is called rim, short; there are in\n" in said
+    assert main(shlex.split(said.rpartition(": truearc ")[2])) == 0
 
 
 def test_a_hit_by_a_map_is_named_by_the_word_of_the_data(tmp_path: Path) -> None:

@@ -89,6 +89,13 @@ def test_outcomes_of_one_kind_are_noted_unless_more_was_seen(outcome: list[str],
     assert notes(outcome=outcome * (SHOTS // 2), miss_height_m=np.linspace(-0.1, 0.1, SHOTS)) == ()
 
 
+def test_scores_from_wheels_that_stand_are_named() -> None:
+    outcome, ratio = ["two", "miss"] * 20, np.linspace(0.4, 0.6, SHOTS)
+    said, = notes(motor_ratio=np.where(np.arange(SHOTS) < 10, 0.0, ratio), outcome=outcome)
+    assert said.startswith("speed 0 in 5 of 40 shots, which scored (s0, s2, s4, ...): ")
+    assert notes(motor_ratio=0.0 * ratio, wheel_lower_rad_s=400.0 * ratio, outcome=outcome) == ()
+
+
 def test_a_voltage_that_never_moves_is_noted() -> None:
     said, = notes(battery_v=[12.0] * SHOTS)
     assert said.startswith("battery_v: the voltage never changes (12 V in 40 shots)")
