@@ -80,7 +80,7 @@ def forecast_error(dataset: Dataset, belief: Belief) -> float:
     samples, noise, _ = samples_of(some)
     if samples is None or noise is None or samples.real.sum(1).max() < 2 * FEWEST_SAMPLES:
         return 1.0
-    seen, square = noise.sigma_m < UNMEASURED_M, []
+    seen, square = noise.sigma_m < UNMEASURED_M, list[float]()
     assert some.tracks is not None
     where = dict(some.tracks.by_shot())
     for one in forecast_flights(some, replace(belief, provenance={}), MEASURED_SHARE):

@@ -42,6 +42,7 @@ def test_session_gives_flights_its_shots(clip, plain, tmp_path, capsys):
     assert data.rig.tracker.clock_sd == 0.002
     assert data.tracks.z_m[0] == pytest.approx(data.rig.launcher.release_height_m, abs=0.1)
     assert f"next: truearc discover {out}" in capsys.readouterr().out
+    assert main(["discover", str(out), "--quiet"]) == 2 and "2 shots are too few" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("options", "words"), [
