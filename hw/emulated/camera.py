@@ -12,6 +12,7 @@ import threading
 from dataclasses import dataclass
 from functools import reduce
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -137,6 +138,8 @@ class Look:
 class EmulatedCamera:
     """Pictures of an emulated world, one for each request."""
 
+    glints: ClassVar[tuple[int, ...]] = (2, 6)        # small and green: the first die of each
+
     def __init__(self, scene: Scene, lens: Lens, tape: TapeSize, seed: int, look: Look | None = None) -> None:
         self._scene, self._lens, self._look = scene, lens, look or Look()
         self._outline_m = outline_m(tape)
@@ -158,17 +161,20 @@ class EmulatedCamera:
         image: Image = cv2.add(self._background, noise)
         view = self._scene.view()
         edges = self._edges(view)
-        box = None if edges is None else self._box(edges)
-        if edges is not None and box is not None:
-            x0, y0, x1, y1 = box
-            lit = self._lit(edges, box) * np.float32(view.brightness * self._look.gain * exposure)
-            colours = cv2.merge([cv2.convertScaleAbs(lit, alpha=level) for level in TAPE_BGR])
-            cv2.add(colours, noise[y0:y1, x0:x1], dst=image[y0:y1, x0:x1])    # the goal's wall hides the lights
-        for k in (2, 6):                                                           # small green glints
+        if edges is not None and (box := self._box(edges)) is not None:
+            part = slice(box[1], box[3]), slice(box[0], box[2])
+            self._show_target(image[part], noise[part], edges, box, view.brightness, exposure)
+        for k in self.glints:
             at = int(dice[k] % self._lens.width_px), int(dice[k + 1] % self._lens.height_px)
             shade = 0.3 + 0.7 * float(dice[k + 2] % 1000) / 1000
             cv2.circle(image, at, 1 + int(dice[k + 3] % 2), tuple(shade * part for part in TAPE_BGR), -1)
         return image
+
+    def _show_target(self, image: Image, noise: Image, edges: Array, box: tuple[int, int, int, int], brightness: float,
+               exposure: float) -> None:
+        """Paint the target over its `box` of the picture: the goal's wall hides the lights."""
+        lit = self._lit(edges, box) * np.float32(brightness * self._look.gain * exposure)
+        cv2.add(cv2.merge([cv2.convertScaleAbs(lit, alpha=level) for level in TAPE_BGR]), noise, dst=image)
 
     def _project(self, view: View) -> tuple[Array, Array]:
         """The outline in ideal pixels (8, 2), and how far ahead it is (8,) [m]; the proof overrides it."""
@@ -224,6 +230,8 @@ WHITE, BLACK = 200.0, 18.0            # of the plate and of the tag, in the ligh
 class TagCamera(EmulatedCamera):
     """Pictures of an AprilTag."""
 
+    glints = ()
+
     def __init__(self, scene: Scene, lens: Lens, tag: TagSize, seed: int, look: Look | None = None) -> None:
         super().__init__(scene, lens, TapeSize(1.0, 1.0, 1.0, 0.1), seed, look)
         half, (x, y) = tag.side_m * (0.5 + 1.0 / TAG_CELLS), (np.array([-1, 1, 1, -1]), np.array([1, 1, -1, -1]))
@@ -234,23 +242,18 @@ class TagCamera(EmulatedCamera):
         self._sheet[inside, inside] = np.where(
             cv2.aruco.generateImageMarker(family, tag.number, CELL_PX * TAG_CELLS) > 0, WHITE, BLACK)
 
-    def _draw(self, noise: Image, dice: npt.NDArray[np.int64], exposure: float) -> Image:
-        image: Image = cv2.add(self._background, noise)
-        view = self._scene.view()
-        edges = self._edges(view)
-        box = None if edges is None else self._box(edges)
-        if edges is not None and box is not None:
-            x0, y0, x1, y1 = box
-            seen = distort(edges, self._lens) if any(self._lens.distortion) else edges
-            size, side = ((x1 - x0) * TAG_FINER, (y1 - y0) * TAG_FINER), len(self._sheet)
-            flat = np.array([[0, 0], [side, 0], [side, side], [0, side]], np.float32) - np.float32(0.5)
-            turn = cv2.getPerspectiveTransform(flat, ((seen - [x0, y0] + 0.5) * TAG_FINER - 0.5).astype(np.float32))
-            lit, cover = (cv2.resize(cv2.warpPerspective(part, turn, size, flags=cv2.INTER_LINEAR), (x1 - x0, y1 - y0),
-                                     interpolation=cv2.INTER_AREA) for part in (self._sheet, np.ones_like(self._sheet)))
-            lit = self._spread(lit) * np.float32(self._look.gain * exposure)
-            behind = image[y0:y1, x0:x1] * (1.0 - self._spread(cover))[..., None] + lit[..., None]
-            cv2.add(np.clip(np.rint(behind), 0, 255).astype(np.uint8), noise[y0:y1, x0:x1], dst=image[y0:y1, x0:x1])
-        return image
+    def _show_target(self, image: Image, noise: Image, edges: Array, box: tuple[int, int, int, int], brightness: float,
+               exposure: float) -> None:
+        x0, y0, x1, y1 = box
+        seen = distort(edges, self._lens) if any(self._lens.distortion) else edges
+        size, side = ((x1 - x0) * TAG_FINER, (y1 - y0) * TAG_FINER), len(self._sheet)
+        flat = np.array([[0, 0], [side, 0], [side, side], [0, side]], np.float32) - np.float32(0.5)
+        turn = cv2.getPerspectiveTransform(flat, ((seen - [x0, y0] + 0.5) * TAG_FINER - 0.5).astype(np.float32))
+        lit, cover = (cv2.resize(cv2.warpPerspective(part, turn, size, flags=cv2.INTER_LINEAR), (x1 - x0, y1 - y0),
+                                 interpolation=cv2.INTER_AREA) for part in (self._sheet, np.ones_like(self._sheet)))
+        lit = self._spread(lit) * np.float32(self._look.gain * exposure)
+        behind = image * (1.0 - self._spread(cover))[..., None] + lit[..., None]
+        cv2.add(np.clip(np.rint(behind), 0, 255).astype(np.uint8), noise, dst=image)
 
 
 def outline_m(tape: TapeSize) -> Array:

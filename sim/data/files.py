@@ -138,8 +138,7 @@ def _one_by_one(table: RawTable, problems: Problems) -> RawTable:
     cols.need_columns(table, cols.SALVO)
     fired, hits = (cols.number_column(table, name, problems, needed=False) for name in cols.SALVO)
     rows, outcome, names, words = list[int](), list[Cell](), list[Cell](), list[Cell]()
-    told, ids = (
-        table.columns.get(name, [None] * len(table.lines)) for name in ("outcome", "shot_id"))
+    told, ids = (table.columns.get(name, [None] * len(table.lines)) for name in ("outcome", "shot_id"))
     for row, (balls, scored) in enumerate(zip(fired, hits, strict=True)):
         if np.isnan(balls) and np.isnan(scored):
             balls, words = 1, [told[row]]

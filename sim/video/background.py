@@ -59,7 +59,6 @@ class Background:
         colours = cv2.resize(colours, luma.shape[::-1], interpolation=cv2.INTER_LINEAR)
         return np.asarray(cv2.add(cv2.absdiff(luma, self.luma), colours), dtype=np.uint8), noise
 
-
     def shift_px(self, frame: Frame) -> float:
         """Return how far the whole picture has moved since the last one that was asked about (phase correlation)."""
         size = (frame.luma.shape[1] // SMALLER, frame.luma.shape[0] // SMALLER)

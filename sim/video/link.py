@@ -179,7 +179,7 @@ def _nearest(near: list[Blob], candidates: list[Blob], gravity: tuple[float, flo
         row = np.array([1.0, ahead, 0.5 * ahead ** 2])
         doubt = noise * float(np.sqrt(1.0 + row @ covariance @ row))
         miss = np.hypot(*(np.array([blob.x_px, -blob.y_px]) / unit - row @ motion))
-        if miss < min(max(GATE, 0.0), 0.15 + 4.0 * doubt) and miss < least:
+        if miss < min(GATE, 0.15 + 4.0 * doubt) and miss < least:
             found, least = blob, float(miss)
     return found
 
