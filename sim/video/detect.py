@@ -15,6 +15,7 @@ import numpy.typing as npt
 from truearc.sim.video.frames import Image
 
 Floats = npt.NDArray[np.float64]
+# Chosen on clips that tests/sim/video draws and on four by others; no benchmark measures them yet
 LEAST_DIFFERENCE, NOISE_SDS = 14.0, 5.0           # of grey levels: what may be a ball
 LEAST_AREA = 16                       # pixels; a smaller ball has no diameter
 MAX_SHARE = 0.12                      # of the picture's longer side: the largest ball

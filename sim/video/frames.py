@@ -131,7 +131,7 @@ def _opened(path: Path, slow_motion: float) -> Clip:
                 container.duration / av.time_base if container.duration else 0.0)
             frame = next(container.decode(stream), None)
     except (av.error.FFmpegError, UnicodeError) as error:
-        raise InputError(f"{path}: cannot be read as a video: {_why(error)}") from error
+        raise InputError(f"{path}: cannot be read as a video: {_why(error, path)}") from error
     if frame is None:
         raise InputError(f"{path}: no frame of it can be decoded")
     first_s = float(frame.pts * frame.time_base) if frame.pts is not None and frame.time_base else 0.0
@@ -179,10 +179,13 @@ def _av() -> Any:
     return av
 
 
-def _why(error: Exception) -> str:
+def _why(error: Exception, path: Path) -> str:
     text = getattr(error, "strerror", None) or str(error)
-    missing = "the index at its end is missing, as in a recording that was cut short" if "Invalid data" in text else ""
-    return f"{text}; {missing}" if missing else text
+    if "Invalid data" not in text:
+        return text
+    with path.open("rb") as file:
+        is_movie = file.read(8)[4:] == b"ftyp"        # MP4 and MOV, which have their index at the end
+    return text + ("; the index at its end is missing, as in a recording that was cut short" if is_movie else "")
 
 
 # --- folders

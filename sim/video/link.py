@@ -14,6 +14,7 @@ import numpy as np
 from truearc.sim.video.ballistics import READOUT, FlightFit, Floats, G, Priors, fit_flight, fly
 from truearc.sim.video.detect import Blob
 
+# Chosen on clips that tests/sim/video draws and on four by others; no benchmark measures them yet
 FEWEST = 7                            # positions of a flight
 WINDOW_S, KEPT_S = 8.0, 3.0           # blobs that are looked at together; and how long a flight may last
 GAP_S, GAP_FRAMES = 0.2, 3            # without a blob, after which a flight has ended (the longer)

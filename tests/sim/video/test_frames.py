@@ -83,7 +83,7 @@ def test_cut_short_file_gives_what_came_before(clip, tmp_path):
 
 @pytest.mark.parametrize(("name", "content", "words"), [
     ("none.mp4", None, "No such file"), ("empty.mp4", b"", "cannot be read as a video"),
-    ("text.mp4", b"hello\n" * 100, "cannot be read as a video"),
+    ("text.mp4", b"hello\n" * 100, "cannot be read as a video: .* input$"),
     ("noise.mp4", bytes(range(256)) * 40, "cannot be read")])
 def test_unreadable_file_says_why(tmp_path, name, content, words):
     if content is not None:
@@ -98,7 +98,7 @@ def test_beginning_of_a_file_is_named_or_read(clip, tmp_path, share):
     """PyAV ends the process where a file is cut within its first frame and decoded all the same."""
     whole = clip.read_bytes()
     (tmp_path / "cut.mp4").write_bytes(whole[:int(share * len(whole))])
-    with pytest.raises(InputError, match="cut"):
+    with pytest.raises(InputError, match="cut short"):
         open_clip(tmp_path / "cut.mp4")
 
 
