@@ -18,7 +18,7 @@ from truearc.sim.video.ballistics import Floats
 from truearc.sim.video.frames import Image
 from truearc.sim.video.link import Flight, sigma_px
 
-# Chosen: blur and coding make a diameter uncertain by this much, for all flights; scales of drawn clips are within 1.5 %
+# Chosen: blur and coding make a diameter uncertain by this much, for all flights; drawn clips are within 1.5 %
 DIAMETER_SD_PX, DIAMETER_SD = 0.4, 0.02
 MARK_SD_PX = 2.0                      # of a mark clicked on a picture
 DEPTH_SD = 0.015                      # a mark a hand before or behind the flight, seen from 6 m
