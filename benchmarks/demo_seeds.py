@@ -120,7 +120,8 @@ def _size_rows(lines: Sequence[Line]) -> list[tuple[str, ...]]:
     """Of each changed event with a term, how its size was stated where the set has the term."""
     rows = []
     for effect in EVENTS:
-        stated = [act["sizes"] for line in lines for act in line["acts"] if act["act"] == effect.name and "sizes" in act]
+        acts = [act for line in lines for act in line["acts"] if act["act"] == effect.name]
+        stated = [act["sizes"] for act in acts if "sizes" in act]      # older lines lack them
         for term, truth in list(effect.terms.items())[:1] if stated else ():
             value, low, high = np.reshape([one[term] for one in stated if term in one], (-1, 3)).T
             rms, mean = (f"{np.sqrt(np.mean((value - truth)**2)):.2g}", f"{value.mean():.3g}") if value.size else "--"
