@@ -6,6 +6,7 @@
 Each seed runs the acts of `truearc demo` (truearc.cli.demo_acts): practice, an event for each effect of EVENTS, and the
 control, in which nothing has changed. Seasons supply all 300 shots of practice; the robot with images and CAN frames is
 omitted. Before and after adoption, the same balls are shot from the same places, and threes of 120 balls are counted.
+A second table judges the sizes of changes that were found and that the catalogue has, each over all seeds.
 `significant` is the result of a two-sided test of two proportions over all acts of all seeds, adjusted by Holm's
 method. FILE has one line per seed with the outcome of every act; seeds that it already contains are not run again.
 Development used seeds below 5030.
@@ -17,9 +18,11 @@ from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
+import numpy as np
 from scipy.stats import chi2_contingency
 
 from benchmarks.worlds import Line, fill_and_tell, read_args
+from truearc.api.results import Effect
 from truearc.cli.common import SHIPPED
 from truearc.cli.demo_acts import EFFECTS, NOTHING, Act, Sizes, WorldChange, play_event, practise
 from truearc.robot.config.rig_spec import Rig
@@ -27,7 +30,7 @@ from truearc.robot.config.schema import load_config
 from truearc.sim.compute import keep_compiled
 from truearc.sim.printed import make_text
 
-EVENTS = (NOTHING, *EFFECTS[:4])      # the control, and the effects of the published table
+EVENTS = (NOTHING, *EFFECTS[:4], *EFFECTS[5:7])       # the control, wind, hood, balls, air, camera, rising air
 PRACTICE = WorldChange("practice", NOTHING.options, {"wheel_slip": math.nan})     # which the paper's physics lacks
 LEVEL, TOGETHER = 0.05, "changed events together"
 
@@ -60,10 +63,17 @@ def _said(effect: WorldChange, act: Act) -> Line:
     return {"act": effect.name, "terms": list(effect.terms), "verdict": record.verdict,
             "p_value": record.mismatch.p_value,
             "names": [one.term for one in (act.finding.best, *act.finding.alternatives) if one],
+            "sizes": {one.term: size_of(one) for one in (act.finding.best, *act.finding.alternatives) if one},
             "sentence": record.sentence, "shots": len(act.shots.shots),
             "adopted": act.adopted.provenance.get("adopted"), "refused": act.adopted.provenance.get("refused"),
             "coefficients": act.adopted.coefficients, "scatter": act.adopted.scatter,
             "volleys": [one._asdict() for one in act.volleys]}
+
+
+def size_of(named: Effect) -> tuple[float, float, float]:
+    """Return (value, low90, high90) of a change of what was believed, else of the amplitude."""
+    size = named.change or next(iter(named.parameters.values()))
+    return size.value, size.low90, size.high90
 
 
 def two_proportions(hits: tuple[int, int], tries: int) -> float:
@@ -101,7 +111,23 @@ def make_table(lines: Sequence[Line]) -> str:
             f"control without an alarm: {sum(silent)} of {len(silent)}"]
     each = [f"{act}: " + ", ".join(f"{row.threes[0]}->{row.threes[1]}" for row in kept)
             for act, kept in groups.items() if act != TOGETHER]
-    return "\n".join([*said, "threes before -> after, per seed:", *each])
+    sizes = make_text(("changed", "", "seeds", "in the set", "90 % interval holds", "RMS error", "mean"),
+                      _size_rows(lines), right=range(1, 7))
+    return "\n".join([*said, *sizes, "threes before -> after, per seed:", *each])
+
+
+def _size_rows(lines: Sequence[Line]) -> list[tuple[str, ...]]:
+    """Of each changed event with a term, how its size was stated where the set has the term."""
+    rows = []
+    for effect in EVENTS:
+        acts = [act for line in lines for act in line["acts"] if act["act"] == effect.name]
+        stated = [act["sizes"] for act in acts if "sizes" in act]      # older lines lack them
+        for term, truth in list(effect.terms.items())[:1] if stated else ():
+            value, low, high = np.reshape([one[term] for one in stated if term in one], (-1, 3)).T
+            rms, mean = (f"{np.sqrt(np.mean((value - truth)**2)):.2g}", f"{value.mean():.3g}") if value.size else "--"
+            rows.append((effect.name, f"{truth:g}", str(len(stated)), str(value.size),
+                         str(np.sum((low <= truth) & (truth <= high))), rms, mean))
+    return rows
 
 
 def _cells(act: str, rows: Sequence[Row], adjusted: dict[tuple[int, str], float]) -> tuple[str, ...]:

@@ -54,6 +54,9 @@ MOST = 30                             # tracks that are measured; chosen: enough
 # Chosen: drag on a light ball doubles a change of speed; a hand, a floor or a wall makes it many times as large
 KICK = 3.2                            # times its usual change of velocity in the same time
 JOLT = 0.2                            # and this share of its usual speed; chosen: a soft touch is left to the fit
+# Measured on 16 foreign seasons (benchmarks.seasons, 20000 to 20015): noise makes 8 of 4800 tracks look so, at most
+# two of 300 one way; so many are warned of, more are refused
+JOLTED = 0.01                         # share of the tracks
 WINDOW = 1.0 / 12.0                   # share of a track on either side, for velocities; chosen: five samples
 NOISES = 8.0                          # and so many standard deviations of noise; derived: chance once in 10^15
 DIFFERENCES = 20.0                    # variance of a third difference, by that of a sample; derived: 1 + 9 + 9 + 1

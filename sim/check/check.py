@@ -160,9 +160,9 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
         for name, early in (("held", True), ("touched", False)):
             own = [f"{dataset.shots.shot_id[shot]} at t_s = {t_s:.4g}" for shot, t_s, at_start in touched
                    if at_start == early]
-            # noise makes one of some 800 tracks look so, measured by benchmarks.plausibility: one alone is warned of
-            alone = len(own) == 1 and len(set(dataset.tracks.shot)) > believable.TRACKS
-            yield from (one._replace(warns=alone) for one in remark(
+            tracks = len(set(dataset.tracks.shot))
+            few = len(own) <= max(1.0, believable.JOLTED * tracks) and tracks > believable.TRACKS
+            yield from (one._replace(warns=few) for one in remark(
                 dataset, name, count=len(own), shots=_listed(own, 3)) if own)
         if all(flaw.warns for flaw in unmeasured):
             motion = believable.measure_motion(dataset.tracks, frozenset(shot for shot, *_ in touched))

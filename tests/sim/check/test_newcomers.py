@@ -161,3 +161,15 @@ def test_frames_in_the_hand_and_touches_are_named() -> None:
     hit[..., 0] = np.where(hit[..., 0] > 3.5, 3.5 - 0.4 * (hit[..., 0] - 3.5), hit[..., 0])
     with pytest.raises(InputError, match=r"12 tracks turn at once, as a ball does that touches something"):
         check_plausible(filmed(BASKETBALL, hit, 1.0 / 30.0, 2.1, hoop))
+
+
+def test_few_of_many_tracks_that_turn_at_once_are_warned_of() -> None:
+    rng, hoop = default_rng(8), Target(3.05, 0.07, 0.2)
+    places = thrown(BASKETBALL, rng.uniform(8.5, 9.5, 200), rng.uniform(48.0, 56.0, 200), 2.1, (1.0 / 30.0, 25))
+    back = places.copy()
+    back[..., 0] = np.where(places[..., 0] > 3.5, 3.5 - 0.4 * (places[..., 0] - 3.5), places[..., 0])
+    seen = [filmed(BASKETBALL, np.concatenate([back[:, :count], places[:, count:]], axis=1), 1.0 / 30.0, 2.1, hoop)
+            for count in (2, 3)]
+    assert any("2 tracks turn at once" in one for one in check_plausible(seen[0]).accepted)
+    with pytest.raises(InputError, match=r"3 tracks turn at once"):
+        check_plausible(seen[1])
