@@ -31,7 +31,8 @@ def beside(folder: Path, missing: str = "") -> Beside:
     port = free_port()
     (folder / "shots.toml").write_text(MAP.partition("[outcome")[0], encoding="utf-8")
     robot = subprocess.Popen([sys.executable, str(Path(__file__).with_name("stand_in_robot.py")), str(port),
-                              str(SECONDS), *([missing, str(AFTER_S)] if missing else [])], stdout=subprocess.PIPE, text=True)
+                              str(SECONDS), *([missing, str(AFTER_S)] if missing else [])],
+                             stdout=subprocess.PIPE, text=True)
     advice = subprocess.Popen([sys.executable, "-m", "truearc", "advise", "--nt", f"127.0.0.1:{port}", "--map",
                                str(folder / "shots.toml"), "--gate", str(GATE), "--out", str(folder / "sessions")],
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
