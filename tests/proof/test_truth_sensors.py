@@ -10,7 +10,7 @@ from truearc.robot.config.rig_spec import Noise
 from truearc.sim.data.files import hash_dataset, load_dataset
 from truearc_proof.truth.flight import wheel_dip
 from truearc_proof.truth.generate import play, shoot, write
-from truearc_proof.truth.world import EFFECTS, LEVELS, make_world
+from truearc_proof.truth.world import DIRT, EFFECTS, LEVELS, make_world
 
 # --- truth sensors
 
@@ -28,6 +28,12 @@ def test_what_is_written_reads_back_the_same(tmp_path, level):
     assert (loaded.tracks is None, loaded.traces is None) == (level != "L2", level == "L0")
     columns = {"distance_m", "hood_deg", "motor_ratio", "t_s"}
     assert set(loaded.shots.numbers) == columns if level == "L0" else set(loaded.shots.numbers) > columns
+
+
+def test_the_same_world_gives_the_same_bits_and_another_seed_another():
+    worlds = [make_world(ALL, "L2", 20, seed, dirt=DIRT[:3]) for seed in (9, 9, 10)]
+    first, again, other = (hash_dataset(shoot(world)) for world in worlds)
+    assert first == again != other
 
 
 def test_sensors_scatter_as_rig_toml_says():

@@ -94,6 +94,15 @@ def test_what_spoils_a_picture_moves_no_edge(look):
     assert np.sqrt(np.mean(np.square(far))) < 0.01
 
 
+def test_far_and_dim():
+    scene = Scene(seed=8)
+    for distance_m in (10.0, 11.0, 12.0, 13.0):
+        scene.place(distance_m, 15.0, 4.0, brightness=0.6)
+        sighting = scene.look()
+        assert sighting.found, sighting.reason
+        assert sighting.distance_m == pytest.approx(distance_m, abs=4 * sighting.sigma_m)
+
+
 def test_corners_are_the_projected_ones():
     scene = Scene(replace(CONFIG.camera, distortion=(-0.2, 0.05, 0.001, -0.001, 0.0), cx_px=331.0, fy_px=705.0))
     scene.place(3.5, 20.0, -6.0)

@@ -152,12 +152,6 @@ def test_what_is_not_there_is_nan_not_zero():
     assert models.measure(np.tile([0.2, 0.9], (3, 1)), np.tri(3, 2, -1)).accuracy == 0.0
 
 
-def test_an_honest_coin_is_calibrated_and_a_boaster_is_off_by_what_he_boasts():
-    labels = np.tile([[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]], (50, 1))
-    assert models.measure(np.full(labels.shape, 0.5), labels).ece == pytest.approx(0.0)
-    assert models.measure(np.full(labels.shape, 0.9), labels).ece == pytest.approx(0.4)
-
-
 def test_the_interval_is_students():
     values = np.random.default_rng(4).normal(0.7, 0.1, 25)
     found = models.interval(values)
