@@ -24,7 +24,6 @@ VCAN0 = Path("/sys/class/net/vcan0")
 # Folders, files or tests (beginnings of their ids) that `make test-long` runs although no mark of theirs says so.
 LONG = (
     "tests/house/test_benchmarks.py", "tests/loops/test_devices.py::test_a_device_that_fails_is_a_hold_that_says_why",
-    "tests/proof/importers/test_import_ball_drops.py::test_drag_with_the_square_of_the_speed_is_named",
     "tests/proof/reproduce", "tests/proof/rivals/test_pysindy.py",
     "tests/robot/test_vision_tag.py::test_no_wrong_tag_among_distractors",
     "tests/robot/test_vision_spoilt.py::test_errors_are_as_large_as_sigma_says_when_it_is_told_of_turning",

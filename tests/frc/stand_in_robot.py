@@ -1,5 +1,5 @@
-"""A stand-in robot program: plain pyntcore, 50 Hz, sensors with noise. `python stand_in_robot.py PORT SECONDS [TROUBLE
-KEY AFTER_S]`; it knows nothing of truearc, and prints what it reads of /truearc as JSON lines at the end."""
+"""A stand-in robot program: plain pyntcore, 50 Hz, sensors with noise. `python stand_in_robot.py PORT SECONDS [KEY
+AFTER_S]`, after which it no longer publishes KEY; it knows nothing of truearc, and prints what it reads of /truearc."""
 
 import json
 import math
@@ -14,7 +14,7 @@ NOISE = {"/Vision/Distance": 0.004, "/Hood/Angle": 0.02, "/Shooter/RPM": 3.0, "/
 HZ = 50
 
 
-def main(port: int, seconds: float, trouble: str = "", key: str = "", after_s: float = 0.0) -> None:
+def main(port: int, seconds: float, key: str = "", after_s: float = 0.0) -> None:
     instance = ntcore.NetworkTableInstance.create()
     instance.startServer("", "127.0.0.1", 0, port)
     publishers = {name: instance.getDoubleTopic(name).publish() for name in WELL}
@@ -29,15 +29,9 @@ def main(port: int, seconds: float, trouble: str = "", key: str = "", after_s: f
     heard, ages = [], []
     while (since_s := time.monotonic() - began) < seconds:
         for name, publisher in list(publishers.items()):
-            value = WELL[name] + draw.gauss(0.0, NOISE[name])
-            if trouble and name == key and since_s >= after_s:
-                if trouble == "freezes":
-                    continue
-                if trouble == "disappears":
-                    publishers.pop(name).close()
-                    continue
-                value *= 1.5 if int(since_s * 5) % 2 else 1.0
-            publisher.set(value)
+            publisher.set(WELL[name] + draw.gauss(0.0, NOISE[name]))
+            if name == key and since_s >= after_s:
+                publishers.pop(name).close()
         instance.flush()
         heard += [((one.time - began_us) * 1e-6, one.value) for one in verdict.readQueue()]
         ages += [one.value for one in age.readQueue()]
@@ -47,5 +41,5 @@ def main(port: int, seconds: float, trouble: str = "", key: str = "", after_s: f
 
 
 if __name__ == "__main__":
-    port, seconds, trouble, key, after_s = [*sys.argv[1:], "", "", "0"][:5]
-    main(int(port), float(seconds), trouble, key, float(after_s))
+    port, seconds, key, after_s = [*sys.argv[1:], "", "0"][:4]
+    main(int(port), float(seconds), key, float(after_s))

@@ -26,19 +26,18 @@ class Beside(NamedTuple):
     session: Path
 
 
-def play_beside(gate: Path, folder: Path, seconds: float, trouble: str = "", key: str = "",
-                after_s: float = 0.0) -> Beside:
-    """Both programs in processes of their own for these seconds."""
+def beside(folder: Path, missing: str = "") -> Beside:
+    """Both programs in processes of their own; missing: the key that is gone after AFTER_S."""
     port = free_port()
     (folder / "shots.toml").write_text(MAP.partition("[outcome")[0], encoding="utf-8")
-    words = [trouble, key, str(after_s)] if trouble else []
     robot = subprocess.Popen([sys.executable, str(Path(__file__).with_name("stand_in_robot.py")), str(port),
-                              str(seconds), *words], stdout=subprocess.PIPE, text=True)
+                              str(SECONDS), *([missing, str(AFTER_S)] if missing else [])],
+                             stdout=subprocess.PIPE, text=True)
     advice = subprocess.Popen([sys.executable, "-m", "truearc", "advise", "--nt", f"127.0.0.1:{port}", "--map",
-                               str(folder / "shots.toml"), "--gate", str(gate), "--out", str(folder / "sessions")],
+                               str(folder / "shots.toml"), "--gate", str(GATE), "--out", str(folder / "sessions")],
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        said = json.loads(robot.communicate(timeout=seconds + 60.0)[0])
+        said = json.loads(robot.communicate(timeout=SECONDS + 60.0)[0])
     finally:
         advice.send_signal(signal.SIGTERM)
         out, err = advice.communicate(timeout=30)
@@ -46,10 +45,6 @@ def play_beside(gate: Path, folder: Path, seconds: float, trouble: str = "", key
         raise RuntimeError(out + err)
     (session,) = (folder / "sessions").iterdir()
     return Beside([(at, word) for at, word in said["heard"]], said["ages"], session)
-
-
-def beside(tmp_path: Path, *trouble: str) -> Beside:
-    return play_beside(GATE, tmp_path, SECONDS, *trouble, after_s=AFTER_S)
 
 
 def test_advice_comes_at_twenty_hertz_with_its_age_and_replays(tmp_path: Path) -> None:
@@ -64,6 +59,6 @@ def test_advice_comes_at_twenty_hertz_with_its_age_and_replays(tmp_path: Path) -
 
 
 def test_no_advice_to_fire_when_a_key_is_gone(tmp_path: Path) -> None:
-    heard, _, _ = beside(tmp_path, "disappears", "/Shooter/RPM")      # other troubles: test_advice.py
+    heard, _, _ = beside(tmp_path, "/Shooter/RPM")      # other troubles: test_advice.py
     assert "FIRE" in [word for at, word in heard if at < AFTER_S]
     assert "FIRE" not in [word for at, word in heard if at > AFTER_S + 1.0]

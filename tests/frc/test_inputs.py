@@ -26,17 +26,7 @@ from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.tick import step
 from truearc.robot.types import Command, Inputs, RobotVelocity, Sent
-from truearc_frc.inputs import (
-    ROOM,
-    FarVelocity,
-    MovingRig,
-    NtEncoder,
-    NtVelocity,
-    OwnNtVelocity,
-    examine,
-    keys_of_velocity,
-    tell_velocity,
-)
+from truearc_frc import inputs as nt
 from truearc_frc.keys import Reading
 from truearc_frc.table import Nt4, Nt4Velocity, with_nt4
 
@@ -48,24 +38,24 @@ def said(value: float | str, t_ns: int = NOW_NS) -> Table:
 
 
 def test_a_key_in_turns_is_an_angle_with_the_stamp_of_its_publication() -> None:
-    encoder = NtEncoder(TABLE, said(0.125, 17))
+    encoder = nt.NtEncoder(TABLE, said(0.125, 17))
     reading = encoder.read(NOW_NS)
     assert (reading.t_ns, reading.angle_rad, reading.magnet_ok) == (17, pytest.approx(math.radians(45.0)), True)
     assert encoder.faults(NOW_NS) == () and encoder.ids() == () and encoder.frames(NOW_NS) == ()
-    degrees = NtEncoder(replace(TABLE, unit="deg"), said(-30.0))
+    degrees = nt.NtEncoder(replace(TABLE, unit="deg"), said(-30.0))
     assert degrees.read(NOW_NS).angle_rad == pytest.approx(math.radians(330.0))
-    assert NtEncoder(replace(TABLE, unit="rad"), said(1.0)).read(NOW_NS).angle_rad == pytest.approx(1.0)
+    assert nt.NtEncoder(replace(TABLE, unit="rad"), said(1.0)).read(NOW_NS).angle_rad == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1.01, -2.0, "0.125"])
 def test_what_is_not_an_angle_is_a_fault_and_no_reading(value: float | str) -> None:
-    encoder = NtEncoder(TABLE, said(value))
+    encoder = nt.NtEncoder(TABLE, said(value))
     assert encoder.read(NOW_NS) is None
     assert codes(encoder.faults(NOW_NS)) == [because.KEY_IMPLAUSIBLE.name]
 
 
 def test_a_key_that_is_gone_and_a_server_that_is_gone_are_named() -> None:
-    encoder = NtEncoder(TABLE, Table(connected=False))
+    encoder = nt.NtEncoder(TABLE, Table(connected=False))
     assert encoder.read(NOW_NS) is None
     assert encoder.faults(NOW_NS) == (because.NT_LOST(), because.KEY_MISSING(key="/Hood/Rot"))
 
@@ -74,14 +64,14 @@ def test_a_key_that_is_gone_and_a_server_that_is_gone_are_named() -> None:
     (0.02, 0.0, None), (0.2, 0.0, because.DEVICE_STALE), (0.02, 4.0, because.HOOD_ENCODERS_DISAGREE)])
 def test_a_key_that_freezes_or_jumps_is_a_hold(age_s: float, off_deg: float, code) -> None:
     truth_deg = good_memory().aim.hood_deg + off_deg
-    encoder = NtEncoder(TABLE, said((90.0 - truth_deg) / 360.0, NOW_NS - int(age_s * 1e9)))
+    encoder = nt.NtEncoder(TABLE, said((90.0 - truth_deg) / 360.0, NOW_NS - int(age_s * 1e9)))
     tick = step(replace(good_inputs(), hood_angle=encoder.read(NOW_NS)), good_memory(), NT4, None)
     assert tick.verdict.fire is (code is None)
     assert code is None or code.name in codes(tick.verdict.reasons)
 
 
 def test_a_real_server_is_read_without_waiting_and_the_doctor_sees_what_it_publishes(nt_server):
-    finding, = examine(TABLE, Around(0.1, {"nt4": {"server": f"127.0.0.1:{free_port()}"}}), None)
+    finding, = nt.examine(TABLE, Around(0.1, {"nt4": {"server": f"127.0.0.1:{free_port()}"}}), None)
     assert finding.level == FAILURE and "no connection" in finding.says
     server, address = nt_server
     table, around = TABLE, Around(0.1, {"nt4": {"server": address}})
@@ -101,7 +91,7 @@ def test_a_real_server_is_read_without_waiting_and_the_doctor_sees_what_it_publi
             time.sleep(0.02)
         assert len(stamps) >= 4 and encoder.faults(0) == ()
         assert all(abs(time.monotonic_ns() - t_ns) < 20e9 for t_ns in stamps) and longest_s < 0.5
-        finding, = examine(table, around, None)
+        finding, = nt.examine(table, around, None)
         assert finding.level == FAILURE and "stands still" in finding.says
     finally:
         encoder._keys.close()
@@ -132,14 +122,14 @@ def test_a_velocity_of_the_field_is_turned_into_the_robots_axes(ahead: float, si
     turn = complex(math.cos(math.radians(heading_deg)), math.sin(math.radians(heading_deg)))
     field = complex(ahead, side) * turn
     table = Table(keys(field.real, field.imag, Heading=heading_deg))
-    read = NtVelocity(config(FIELD), table, Clock()).read()
+    read = nt.NtVelocity(config(FIELD), table, Clock()).read()
     assert read is not None and (read.forward_m_s, read.left_m_s) == pytest.approx((ahead, side), abs=1e-9)
     assert read.t_ns == AT_NS + 7                       # that of `alive`: a robot may stand still
     table.found = keys(ahead, side)
-    assert NtVelocity(config(ROBOT), table, Clock()).read() == RobotVelocity(AT_NS, ahead, side)
+    assert nt.NtVelocity(config(ROBOT), table, Clock()).read() == RobotVelocity(AT_NS, ahead, side)
 
 
-@pytest.mark.parametrize("key", keys_of_velocity(FIELD))
+@pytest.mark.parametrize("key", nt.keys_of_velocity(FIELD))
 @pytest.mark.parametrize("value", [None, math.nan, math.inf, "text"])
 def test_a_key_that_is_missing_or_no_number_is_no_velocity(key: str, value: float | str | None) -> None:
     found = keys(1.0, 0.0, Heading=0.0)
@@ -147,21 +137,21 @@ def test_a_key_that_is_missing_or_no_number_is_no_velocity(key: str, value: floa
         del found[key]
     else:
         found[key] = Reading(AT_NS, value)
-    assert NtVelocity(config(FIELD), Table(found), Clock()).read() is None
+    assert nt.NtVelocity(config(FIELD), Table(found), Clock()).read() is None
 
 
 def test_a_velocity_of_the_field_is_as_old_as_its_heading_and_with_alive_as_that() -> None:
     found = keys(1.0, 0.0, Heading=0.0) | {"/Drive/Heading": Reading(AT_NS - NS, 0.0)}
-    alone = NtVelocity(config(replace(FIELD, alive="")), Table(found), Clock()).read()
+    alone = nt.NtVelocity(config(replace(FIELD, alive="")), Table(found), Clock()).read()
     assert alone is not None and alone.t_ns == AT_NS - NS
-    standing = NtVelocity(config(FIELD), Table(found), Clock()).read()
+    standing = nt.NtVelocity(config(FIELD), Table(found), Clock()).read()
     assert standing is not None and standing.t_ns == AT_NS + 7
 
 
 @pytest.mark.parametrize("alive", ["", "/Time"])
 def test_a_heading_that_jumps_silences_it_and_one_that_turns_once_round_does_not(alive: str) -> None:
     table = Table({})
-    velocity = NtVelocity(config(replace(FIELD, alive=alive)), table, Clock())
+    velocity = nt.NtVelocity(config(replace(FIELD, alive=alive)), table, Clock())
     known = []
     for number in range(100):
         t_ns = AT_NS + number * 20_000_000
@@ -173,7 +163,7 @@ def test_a_heading_that_jumps_silences_it_and_one_that_turns_once_round_does_not
 
 def test_a_jump_silences_it_for_half_a_second_and_a_lost_server_at_once() -> None:
     table = Table({})
-    velocity = NtVelocity(config(ROBOT), table, Clock())
+    velocity = nt.NtVelocity(config(ROBOT), table, Clock())
     known = []
     for number in range(60):
         table.found = keys(3.5 if number == 20 else 1.0 + 0.01 * number, 0.0, AT_NS + number * 20_000_000)
@@ -198,9 +188,9 @@ class Rig:
 
 
 def test_the_newest_velocity_reaches_the_inputs_and_none_leaves_none() -> None:
-    memory = bytearray(ROOM.bytes)
+    memory = bytearray(nt.ROOM.bytes)
     said = iter([RobotVelocity(1, 1.0, 0.5), RobotVelocity(1, 1.0, 0.5), None, RobotVelocity(2, 0.0, 0.0)])
-    rig = MovingRig(Rig(*[good_inputs()] * 4, None), FarVelocity(Slots(memory, ROOM)))
+    rig = nt.MovingRig(Rig(*[good_inputs()] * 4, None), nt.FarVelocity(Slots(memory, nt.ROOM)))
     first = rig.read()
     assert first is not None and first.velocity is UNSET
 
@@ -211,7 +201,7 @@ def test_the_newest_velocity_reaches_the_inputs_and_none_leaves_none() -> None:
     told = []
     for count in (1, 2, 1):
         left = iter([False] * count + [True])
-        tell_velocity(Saying(), Slots(memory, ROOM), lambda wait_s, left=left: next(left))       # type: ignore[misc]
+        nt.tell_velocity(Saying(), Slots(memory, nt.ROOM), lambda wait_s, left=left: next(left))  # type: ignore[misc]
         inputs = rig.read()
         assert inputs is not None
         told.append(inputs.velocity)
@@ -222,7 +212,7 @@ def test_the_newest_velocity_reaches_the_inputs_and_none_leaves_none() -> None:
 def test_chassis_speeds_on_a_real_server_are_read(nt_server: tuple[Any, str]) -> None:
     server, address = nt_server
     chassis = server.getRawTopic("/Drive/Speeds").publish("struct:ChassisSpeeds")
-    velocity = OwnNtVelocity(config(ROBOT, address), MonotonicClock())
+    velocity = nt.OwnNtVelocity(config(ROBOT, address), MonotonicClock())
     began, read = time.monotonic(), None
     while read is None and time.monotonic() - began < 10.0:
         chassis.set(struct.pack("<3d", 1.5, -0.25, 0.1 * time.monotonic()))

@@ -3,7 +3,8 @@
 One line an artefact, with the largest difference of numbers; exit 1 if anything is beyond its limit. `--write` makes
 the references again, for a change that is meant: say in the commit what has changed. Most are of tag proof-1; written
 again since, each by a commit that says why: finding-*, design, identifiability, predict, belief, grid*, train-physics,
-export-physics, gate-physics, gated-*. tests/golden/proof_1 keeps proof-1's own of the first that changed.
+export-physics, gate-physics, gated-*. tests/golden/proof_1 keeps the belief from
+which some begin.
 """
 
 import argparse

@@ -1,13 +1,10 @@
-"""The quick part of `make golden`, that its comparison sees a difference, and files of tag proof-1 that still load."""
+"""The quick part of `make golden`, and that its comparison sees a difference."""
 
 import contextlib
-import csv
 import io
 import json
 import platform
-import re
 import sys
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +12,12 @@ import numpy as np
 import onnx
 import pytest
 
-import truearc as ta
 from tests.golden import artefacts
 from tests.golden.artefacts import ARTEFACTS, REFERENCE, unpack
 from tests.golden.commands import COMMANDS, CommandFailed
 from tests.golden.compare import FITTED, compare
 from tests.golden.make import check
 from truearc.cli.main import main
-from truearc.robot.gate import FEATURES, load_gate
-from truearc.sim.discover.finding import load_record, make_json
 
 ELSEWHERE = sys.platform != "linux" or platform.machine() != "x86_64"
 # `make test` has real discoveries by outcomes (none found) and by tracks (named)
@@ -122,35 +116,3 @@ def test_comparison_reads_tables_arrays_and_graphs(tmp_path: Path, name: str) ->
             onnx.save(model, new)
     wrong = compare(old.parent, new.parent, FITTED).wrong
     assert len(wrong) == 1 and wrong[0].startswith(f"{name}:")
-
-
-OLD = Path(__file__).with_name("proof_1")
-
-
-@pytest.mark.parametrize("path", sorted(OLD.glob("*.json")), ids=lambda path: path.stem)
-def test_findings_are_written_again_to_the_byte_but_for_the_formula(path: Path) -> None:
-    """proof-1 looked for a formula of an unexplained effect, and found none in these."""
-    assert make_json(load_record(path)) == re.sub(rb',\n\s*"formula": null', b"", path.read_bytes())
-
-
-@pytest.mark.parametrize("path", sorted(OLD.glob("*.toml")), ids=lambda path: path.stem)
-def test_beliefs_hold_the_numbers_of_their_files(path: Path) -> None:
-    with path.open("rb") as file:
-        table = tomllib.load(file)
-    belief = ta.load_belief(path)
-    assert {name: dict(values) for name, values in belief.coefficients.items()} == {
-        name: values for name, values in table.items() if name not in ("schema", "scatter", "covariance", "provenance")}
-    assert belief.scatter == table.get("scatter", {})
-    if "covariance" in table:
-        assert list(belief.names) == table["covariance"]["names"]
-        np.testing.assert_array_equal(belief.covariance, table["covariance"]["matrix"])
-
-
-def test_the_gate_rates_as_it_did(tmp_path: Path) -> None:
-    unpack(tmp_path)
-    shots = ta.load_dataset(next(tmp_path.rglob("l0-null"))).shots
-    rated = load_gate(str(OLD / "gate.onnx")).rate_many(np.stack([shots.number(one.name) for one in FEATURES], axis=1))
-    with (OLD / "rows.csv").open(encoding="utf-8") as file:
-        rows = {row["shot_id"]: row for row in csv.DictReader(file)}
-    wanted = np.array([[float(rows[name]["p_two"]), float(rows[name]["p_three"])] for name in shots.shot_id])
-    np.testing.assert_allclose(rated.p, wanted, atol=2e-6)

@@ -7,15 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from truearc.hw.devices.button_box import (
-    BUTTONS,
-    BoxHeartbeat,
-    ButtonBox,
-    make_heartbeat,
-    make_press,
-    open_button_box,
-    parse_lines,
-)
+from truearc.hw.devices import button_box
 from truearc.hw.emulated.camera import PictureServer
 from truearc.hw.emulated.serial_link import PtyCable, SocketCable
 from truearc.hw.fault_codes import CAMERA_NOT_OPENED, CAMERA_STOPPED
@@ -27,14 +19,14 @@ S = 1_000_000_000
 
 
 def hear(stream, t_ns: int = 0):
-    events, rest, faults = parse_lines(b"", stream.read(), t_ns)
+    events, rest, faults = button_box.parse_lines(b"", stream.read(), t_ns)
     assert not rest and not faults
     return events
 
 
 @pytest.fixture
 def box():
-    box = open_button_box()
+    box = button_box.open_button_box()
     yield box
     box.unplug()
 
@@ -42,7 +34,7 @@ def box():
 def test_presses_are_there_at_the_very_next_read(box) -> None:
     stream = open_serial(box.port, 115200)
     for seq in range(1, 501):                              # kernel delivery is asynchronous: once is no proof
-        button = BUTTONS[seq % len(BUTTONS)]
+        button = button_box.BUTTONS[seq % len(button_box.BUTTONS)]
         box.press(button)
         assert hear(stream) == [ButtonEvent(0, seq, button)]
     assert stream.read() == b""
@@ -57,12 +49,12 @@ def test_heartbeats_keep_time_and_tell_the_newest_press(box) -> None:
         if tick == 150:
             box.press("fire")
         heard += hear(stream, tick * S // 200)
-    assert [event for event in heard if isinstance(event, BoxHeartbeat)] == [
-        BoxHeartbeat(0, 0),
-        BoxHeartbeat(S // 2, 0),
-        BoxHeartbeat(S, 1),
-        BoxHeartbeat(3 * S // 2, 1),
-        BoxHeartbeat(2 * S, 1),
+    assert [event for event in heard if isinstance(event, button_box.BoxHeartbeat)] == [
+        button_box.BoxHeartbeat(0, 0),
+        button_box.BoxHeartbeat(S // 2, 0),
+        button_box.BoxHeartbeat(S, 1),
+        button_box.BoxHeartbeat(3 * S // 2, 1),
+        button_box.BoxHeartbeat(2 * S, 1),
     ]
     stream.close()
 
@@ -72,7 +64,7 @@ def test_missed_heartbeats_are_skipped_not_burst(box) -> None:
     box.step(0)
     box.step(10 * S)
     box.step(10 * S + 1)
-    assert hear(stream) == [BoxHeartbeat(0, 0), BoxHeartbeat(0, 0)]
+    assert hear(stream) == [button_box.BoxHeartbeat(0, 0), button_box.BoxHeartbeat(0, 0)]
     stream.close()
 
 
@@ -84,7 +76,7 @@ def test_the_line_carries_every_byte_and_blocks_nobody(box) -> None:
     stream.close()
     cable.close()
     cable = PtyCable()
-    box = ButtonBox(cable)
+    box = button_box.ButtonBox(cable)
     for _ in range(1000):
         box.press("three")
     box.unplug()
@@ -112,14 +104,14 @@ def test_what_cannot_be_opened_is_named(port: str) -> None:
 
 
 def test_a_box_on_a_socket_where_there_are_no_pseudo_terminals(monkeypatch) -> None:
-    box = ButtonBox(SocketCable())
+    box = button_box.ButtonBox(SocketCable())
     stream = open_serial(box.port, 115200)
     assert stream.read() == b""
     box.press("two")
     received = b""
     while not received.endswith(b"\n"):
         received += stream.read()
-    assert received == make_press(1, "two")
+    assert received == button_box.make_press(1, "two")
     box.unplug()
     with pytest.raises(LinkLost, match="socket://"):
         while True:
@@ -129,7 +121,7 @@ def test_a_box_on_a_socket_where_there_are_no_pseudo_terminals(monkeypatch) -> N
         raise OSError("out of pty devices")
 
     monkeypatch.setattr(os, "openpty", refuse)
-    box = open_button_box()
+    box = button_box.open_button_box()
     assert box.port.startswith("socket://127.0.0.1:")
     box.unplug()
 
@@ -156,8 +148,8 @@ def test_a_box_that_is_plugged_in_again_is_heard_again(tmp_path):
     cable = PtyCable()
     name.symlink_to(cable.port)
     stream = MendedStream(lambda: open_serial(str(name), 115200), pause_s=0.005)
-    cable.write(make_press(1, "arm"))
-    assert stream.read() == make_press(1, "arm")
+    cable.write(button_box.make_press(1, "arm"))
+    assert stream.read() == button_box.make_press(1, "arm")
     name.unlink()                                          # first: another test may be given the terminal next
     cable.close()
     for _ in range(50):                                    # every read says so, until it is back
@@ -167,12 +159,12 @@ def test_a_box_that_is_plugged_in_again_is_heard_again(tmp_path):
     again = PtyCable()
     name.symlink_to(again.port)
     wait_for(stream.read)
-    again.write(make_heartbeat(0))
-    again.write(make_press(1, "fire"))
+    again.write(button_box.make_heartbeat(0))
+    again.write(button_box.make_press(1, "fire"))
     heard = b""
     while b"fire" not in heard:
         heard += wait_for(lambda: stream.read() or None)
-    events, _, faults = parse_lines(b"", heard, 0)
+    events, _, faults = button_box.parse_lines(b"", heard, 0)
     assert [getattr(event, "button", "beat") for event in events] == ["beat", "fire"] and not faults
     stream.close()
     again.close()

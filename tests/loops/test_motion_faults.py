@@ -15,20 +15,9 @@ import pytest
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from benchmarks.matrix import motion as moving
 from benchmarks.matrix.fault import REARM, Motion, Row
 from benchmarks.matrix.judge import Result, judge
-from benchmarks.matrix.motion import (
-    COLUMNS,
-    FREE_RAD_S,
-    GOOD_S,
-    PLACE_M,
-    SET_RAD_S,
-    Moved,
-    MovingWorld,
-    ToldEyes,
-    judge_motion,
-    make_sick_nodes,
-)
 from benchmarks.matrix.play import play
 from benchmarks.matrix.rows import INTERLOCKS, MOTION_ROWS
 from benchmarks.matrix.run import with_launcher
@@ -105,8 +94,9 @@ def test_what_moves_is_released_in_real_time(name: str, tmp_path: Path) -> None:
 STEP_S = 0.001                        # of the log
 
 
-def log_of(seconds: float, torque_until_s: float, wheel_rad_s: float = SET_RAD_S, hood_deg: float = 45.0) -> np.ndarray:
-    log = np.zeros((round(seconds / STEP_S), len(COLUMNS)))
+def log_of(seconds: float, torque_until_s: float, wheel_rad_s: float = moving.SET_RAD_S,
+           hood_deg: float = 45.0) -> np.ndarray:
+    log = np.zeros((round(seconds / STEP_S), len(moving.COLUMNS)))
     log[:, 0] = np.arange(1, len(log) + 1) * STEP_S
     log[:, 1] = log[:, 2] = np.where((log[:, 0] <= torque_until_s) | (log[:, 0] > seconds - 2.0), 0.8, 0.0)
     log[:, 4], log[:, 5] = wheel_rad_s, hood_deg
@@ -116,13 +106,13 @@ def log_of(seconds: float, torque_until_s: float, wheel_rad_s: float = SET_RAD_S
 def judged(tmp_path: Path, log: np.ndarray, **changes: float) -> Result:
     motion = Motion("frozen", ("flywheel_a",), "spinning", "wheels", "fault", "none")
     row = Row("motion", "motion", motion, (), 0.08, REARM, 3.0)
-    moved = Moved(begin_s=2.0, end_s=5.0, rearm_s=6.2, over_s=9.0, true_s=1.99)
+    moved = moving.Moved(begin_s=2.0, end_s=5.0, rearm_s=6.2, over_s=9.0, true_s=1.99)
     for name, value in changes.items():
         setattr(moved, name, value)
     (tmp_path / "devices.json").write_bytes(msgspec.json.encode(moved))
     np.save(tmp_path / "devices.npy", log)
     result = Result(row.name, row.family, "virtual", bound_s=row.within_s)
-    judge_motion(row, motion, tmp_path, result, [])
+    moving.judge_motion(row, motion, tmp_path, result, [])
     return result
 
 
@@ -152,7 +142,7 @@ SEEN_S, HIDDEN_S = 13.0, 17.0         # the target, in turn: hidden for longer t
 class Case(msgspec.Struct, frozen=True):
     """What is ugly: the world's options and trouble, of the devices' frames, and (rad/s, deg) to be shot at in turn."""
 
-    points: tuple[tuple[float, float], ...] = ((SET_RAD_S, 45.0),)
+    points: tuple[tuple[float, float], ...] = ((moving.SET_RAD_S, 45.0),)
     options: Options = Options()
     world: str = ""
     frames: str = ""
@@ -165,12 +155,12 @@ CASES = {
     "balls": Case(),
     "balls, wheels of a fifth of their inertia": Case(options=Options(flywheel_inertia_scale=0.2)),
     "set points stepped down, no brake": Case(((520.0, 45.0), (400.0, 45.0), (250.0, 45.0))),
-    "9 V at 80 % of free speed": Case(((0.8 * FREE_RAD_S, 45.0),), Options(battery_start_v=9.0), is_shot=False),
+    "9 V at 80 % of free speed": Case(((0.8 * moving.FREE_RAD_S, 45.0),), Options(battery_start_v=9.0), is_shot=False),
     "10 % slip": Case(world="motor 2 slips", is_shot=False),
-    "stiction": Case(((SET_RAD_S, 40.0), (SET_RAD_S, 50.0)), world="stiction"),
+    "stiction": Case(((moving.SET_RAD_S, 40.0), (moving.SET_RAD_S, 50.0)), world="stiction"),
     "half the frames lost": Case(frames="half the frames lost"),
     "gaps of 70 ms": Case(frames="gaps of 70 ms"),
-    "hood at its speed limit": Case(((SET_RAD_S, 20.0), (SET_RAD_S, 70.0))),
+    "hood at its speed limit": Case(((moving.SET_RAD_S, 20.0), (moving.SET_RAD_S, 70.0))),
     "armed again while the wheels coast": Case(((520.0, 45.0), (400.0, 45.0), (250.0, 45.0)), arms_again=True),
     "speeds noisy, armed again, no target for a time": Case(world="speeds are noisy", arms_again=True, is_hidden=True,
                                                             is_shot=False)}
@@ -179,7 +169,7 @@ CASES = {
 class Watcher:
     """Keeps nothing of a tick, but looks at it and at the plant."""
 
-    def __init__(self, world: MovingWorld) -> None:
+    def __init__(self, world: moving.MovingWorld) -> None:
         self.fires, self.gaps_s = 0, [0.0, 0.0]   # the longest time without torque of wheels and hood while needed
         self.interlocks: Counter[str] = Counter()
         self._world = world
@@ -193,7 +183,7 @@ class Watcher:
                 self.interlocks[reason.code] += 1
         memory = tick.memory
         is_idle = memory.motion is not UNSET and memory.motion.is_idle
-        wanted_rad_s = tick.aim.motor_ratio * FREE_RAD_S if memory.armed and not is_idle else 0.0
+        wanted_rad_s = tick.aim.motor_ratio * moving.FREE_RAD_S if memory.armed and not is_idle else 0.0
         if memory.armed != self._was_armed:
             self._was_armed, self._was_driven = memory.armed, [False, False]
         for t_s, a_nm, b_nm, hood_nm, wheel_rad_s, hood_deg, _ in self._world.lines:
@@ -231,10 +221,10 @@ def presses_of(arms_again: bool) -> Iterator[tuple[float, str]]:
             yield t_s, "arm"
 
 
-def play_world(world: MovingWorld, config: Config, seconds: float, watcher: Watcher, *, frames: str = "",
+def play_world(world: moving.MovingWorld, config: Config, seconds: float, watcher: Watcher, *, frames: str = "",
                arms_again: bool = False, is_hidden: bool = False) -> None:
     """Run the robot in that world for so long in stepped time; the driver arms it and shoots."""
-    box, nodes = open_button_box(), make_sick_nodes(config, world)
+    box, nodes = open_button_box(), moving.make_sick_nodes(config, world)
     for node in nodes.values():
         node.suffer(frames, 0)
     presses = presses_of(arms_again)
@@ -249,7 +239,7 @@ def play_world(world: MovingWorld, config: Config, seconds: float, watcher: Watc
     def hidden() -> bool:
         return is_hidden and eyes.clock.now_ns() * NS % (SEEN_S + HIDDEN_S) > SEEN_S
 
-    eyes = ToldEyes(StepClock(lambda t_ns: None), hidden)
+    eyes = moving.ToldEyes(StepClock(lambda t_ns: None), hidden)
     with emulated_rig(config, world, nodes, box, eyes, (press,), lambda frame, sent: None,
                       lambda now_ns: now_ns * NS >= seconds) as (rig, clock):
         eyes.clock = clock
@@ -258,7 +248,7 @@ def play_world(world: MovingWorld, config: Config, seconds: float, watcher: Watc
 
 def configured(case: Case, launcher: str) -> Config:
     config = load_config(SHIPPED)
-    rows = tuple(Prescribed(PLACE_M, rad_s / FREE_RAD_S, hood_deg) for rad_s, hood_deg in case.points)
+    rows = tuple(Prescribed(moving.PLACE_M, rad_s / moving.FREE_RAD_S, hood_deg) for rad_s, hood_deg in case.points)
     return with_launcher(replace(config, collect=replace(config.collect, prescribed=rows * 10_000)), launcher)
 
 
@@ -268,19 +258,19 @@ def configured(case: Case, launcher: str) -> Config:
 def test_no_false_release(name: str) -> None:
     case, seconds = CASES[name], float(os.environ.get("TRUEARC_SOAK_S", "40"))
     config = configured(case, os.environ.get("TRUEARC_SOAK_LAUNCHER", "odrive"))
-    world = MovingWorld(1, case.options)
+    world = moving.MovingWorld(1, case.options)
     watcher = Watcher(world)
     world.suffer(case.world)
     play_world(world, config, seconds, watcher, frames=case.frames, arms_again=case.arms_again,
                is_hidden=case.is_hidden)
-    assert not watcher.interlocks and max(watcher.gaps_s) <= GOOD_S
+    assert not watcher.interlocks and max(watcher.gaps_s) <= moving.GOOD_S
     assert not case.is_shot or watcher.fires * 4 * FIRE_S >= seconds
 
 
 class Lowest(Watcher):
     """Notes how low the hood has been, and why an axis was released for good."""
 
-    def __init__(self, world: MovingWorld) -> None:
+    def __init__(self, world: moving.MovingWorld) -> None:
         super().__init__(world)
         self.lowest_deg, self.causes = 90.0, set[str]()
 
@@ -299,7 +289,7 @@ def test_homing_stops_below_a_switch_that_never_closes(start_deg: float, inertia
     monkeypatch.setattr(drive, "LOW_RAD", drive.screw_rad(10.0))
     monkeypatch.setattr(drive, "SCREW_INERTIA_KG_M2", inertia_kg_m2)
     config = configured(Case(), "odrive")
-    world = MovingWorld(1, Options(), start_deg)
+    world = moving.MovingWorld(1, Options(), start_deg)
     watcher = Lowest(world)
     play_world(world, config, SETTLE_S + 6.0, watcher)
     assert watcher.causes == {because.SWITCH_NOT_REACHED.name}

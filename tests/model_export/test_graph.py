@@ -73,14 +73,6 @@ def test_three_engines_agree(seed: int) -> None:
     assert np.abs(reference - wanted).max() < 1e-5
 
 
-def test_same_weights_same_file_other_weights_another(tmp_path: Path) -> None:
-    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        save_weights(tmp_path / name, make_network(seed), RECORD)
-        export_weights(tmp_path / name, tmp_path / f"{name}.onnx")
-    a, b, c = ((tmp_path / f"{name}.onnx").read_bytes() for name in "abc")
-    assert a == b != c
-
-
 def test_the_gate_takes_it_and_finds_contract_domain_and_provenance(tmp_path: Path) -> None:
     save_weights(tmp_path / "w", make_network(1), RECORD)
     export_weights(tmp_path / "w", tmp_path / "gate.onnx")

@@ -27,13 +27,6 @@ def straight(count: int) -> np.ndarray:
     return np.linalg.qr(np.random.default_rng(0).normal(size=(N, count)))[0] * 10.0
 
 
-@pytest.mark.parametrize("amplitude", [0.0, 0.2, 0.3, 1.0])
-def test_one_term_alone_is_a_normal_test(amplitude: float) -> None:
-    found = ceiling_of(evidence_of(("wind_x",), straight(1)), "L2", "wind_x.amplitude", amplitude, 1)
-    power = norm.sf(1.96 - 10.0 * amplitude) + norm.cdf(-1.96 - 10.0 * amplitude)
-    assert found is not None and found[0] == pytest.approx(power, abs=0.03)
-
-
 def test_two_terms_of_one_slope_are_of_one_class() -> None:
     slopes = straight(1)
     found = ceiling_of(evidence_of(("wind_x", "hood_offset"), np.concatenate([slopes, slopes], axis=1)), "L2",

@@ -154,21 +154,6 @@ def test_small_errors_of_a_foreign_launcher():
     assert np.array_equal(tilted.speed_m_s, plain.speed_m_s)
 
 
-def test_drag_of_a_power_of_zero_goes_with_the_square_of_the_speed():
-    """Without spin and weight a ball loses speed as v' = -k v^(2 + p), which has a closed form."""
-    t_s, v0 = 0.4, 12.0
-    for power in (0.0, 0.1, -0.15):
-        world = replace(make_world({"drag_power": power}, shots=10, seed=3), lift_slope=0.0)
-        plan, still = plan_shots(world), np.zeros((3, 10))
-        law = flight.make_law(world, plan, still, np.full(10, np.inf))
-        path = flight.fly(lambda t, v, law=law: law(t, v) + np.array([[0.0], [0.0], [9.81]]), still,
-                          np.array([[v0], [0.0], [0.0]]) * np.ones(10), np.full(10, 50.0))
-        k = world.cd * 1.2 * 0.5 * np.pi * 0.0889**2 / 0.14
-        expected = v0 / (1.0 + k * v0 * t_s) if not power else (
-            v0**(-1.0 - power) + (1.0 + power) * k * 10.0**-power * t_s)**(-1.0 / (1.0 + power))
-        np.testing.assert_allclose(flight.at(path, np.full(10, t_s))[1][0], expected, rtol=1e-6)
-
-
 @pytest.mark.parametrize("seed", range(20000, 20040))
 def test_errors_of_a_foreign_robot_are_small_and_the_same_before_and_after_the_change(seed):
     home, event = foreign_robot(seed, "L1", 30, 12, {"wind_x": 1.5})

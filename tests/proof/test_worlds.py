@@ -229,17 +229,6 @@ def played(options: dict[str, float], settings: list[ShotSetting], sensors: Sens
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("dirt", ["noise_understated", "outliers", "missing_frames"])
-def test_bad_sensors_change_no_shot(dirt: str) -> None:
-    """The same balls fly the same way to the last bit; only what is told of them differs."""
-    plain = played({}, plan_season(5, 15), level="L2")
-    dirty = played({}, plan_season(5, 15), worlds.dirty_sensors((dirt,), FACTS.noise), "L2")
-    assert dirty_options((dirt,), 15) == {} and dirty.results == plain.results
-    assert plain.dataset.tracks is not None and dirty.dataset.tracks is not None
-    assert not np.array_equal(plain.dataset.tracks.z_m, dirty.dataset.tracks.z_m)
-
-
-@pytest.mark.slow
 def test_a_decoys_battery_falls_and_does_nothing() -> None:
     """Beside worn balls, which lower the shots by a centimetre already: the same shots with and without its fall."""
     settings, (worn,) = plan_season(9, 60), changes_of(worlds.WORN_CHANGE)

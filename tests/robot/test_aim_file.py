@@ -203,13 +203,6 @@ def test_a_page_on_a_full_disk_takes_no_order_and_makes_its_token_at_the_next_st
     assert len((tmp_path / "token").read_text()) > 20
 
 
-@pytest.mark.parametrize("token", ["", "Bearer ", "Bearer x", "Basic abc", "Bearer \xe4"])
-def test_who_lacks_the_token_gives_no_order(orders, tmp_path, token):
-    for order, body in ((orders.keep, sealed()), (orders.accept, b'{"sha256":"a"}')):
-        assert refusal(order, token, body).status == 401
-    assert [one.name for one in (tmp_path / "in").iterdir()] == ["token"]
-
-
 @pytest.mark.parametrize(("data", "words"), [
     (b"", "truncated"), (b"{", "truncated"), (sealed().replace(b"60.0", b"61.0"), "damaged or altered"),
     (sealed(replace(CONTENT, rig=replace(CONTENT.rig, target=None))), "rig.target")])

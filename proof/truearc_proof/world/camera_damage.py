@@ -14,18 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from truearc.hw.emulated.camera import (
-    HALO_MARGIN_PX,
-    TAPE_BGR,
-    Array,
-    EmulatedCamera,
-    Image,
-    Lens,
-    Plane,
-    TapeSize,
-    distort,
-    project,
-)
+from truearc.hw.emulated import camera
 from truearc.hw.emulated.camera import Look as PlainLook
 from truearc.hw.emulated.nodes import Scene, View
 
@@ -52,21 +41,21 @@ def place(distance_m: float, rise_m: float, pitch_deg: float, *, facing_deg: flo
     return View(pose, focal_scale, brightness)
 
 
-def project_turning(points_m: Array, camera_from_points: Array, lens: Lens, focal_scale: float,
-                    turn_deg_s: tuple[float, float], readout_s: float) -> tuple[Array, Array]:
+def project_turning(points_m: camera.Array, camera_from_points: camera.Array, lens: camera.Lens, focal_scale: float,
+                    turn_deg_s: tuple[float, float], readout_s: float) -> tuple[camera.Array, camera.Array]:
     """As lens.project, of a camera that turns right about the points' own upright axis and up about its own level one;
     `camera_from_points` is of the image's middle row."""
-    pixels, ahead_m = project(points_m, camera_from_points, lens, focal_scale)
+    pixels, ahead_m = camera.project(points_m, camera_from_points, lens, focal_scale)
     if readout_s == 0.0 or not any(turn_deg_s) or (ahead_m <= 0.0).any():     # behind it nothing has a row
         return pixels, ahead_m
     right, up = (math.radians(rate) for rate in turn_deg_s)
     rate = right * camera_from_points[:3, 1] - up * CAMERA_RIGHT      # of the points, as the camera has them
     for _ in range(ROUNDS):
-        late_s = readout_s * (distort(pixels, lens)[:, 1] / lens.height_px - 0.5)
+        late_s = readout_s * (camera.distort(pixels, lens)[:, 1] / lens.height_px - 0.5)
         for k, t_s in enumerate(late_s):
             turned = np.eye(4)
             turned[:3, :3], _ = cv2.Rodrigues(rate * t_s)
-            seen, ahead = project(points_m[k:k + 1], turned @ camera_from_points, lens, focal_scale)
+            seen, ahead = camera.project(points_m[k:k + 1], turned @ camera_from_points, lens, focal_scale)
             pixels[k], ahead_m[k] = seen[0], ahead[0]
     return pixels, ahead_m
 
@@ -87,14 +76,15 @@ USUAL = Look()
 class Patch(NamedTuple):
     """A polygon in front of everything else: it shines, or hides if its colour is black."""
 
-    corners_px: Array                 # (n, 2), as seen
+    corners_px: camera.Array                 # (n, 2), as seen
     bgr: tuple[float, float, float]
 
 
-class StagedCamera(EmulatedCamera):
+class StagedCamera(camera.EmulatedCamera):
     """An emulated camera whose `expose` gives pictures of a scene with a defect."""
 
-    def __init__(self, scene: Scene, lens: Lens, tape: TapeSize, seed: int, *, look: Look = USUAL) -> None:
+    def __init__(self, scene: Scene, lens: camera.Lens, tape: camera.TapeSize, seed: int, *,
+                 look: Look = USUAL) -> None:
         super().__init__(scene, lens, tape, seed, look)
         self._damage = look
         self._black = False
@@ -108,7 +98,7 @@ class StagedCamera(EmulatedCamera):
         """Place these in front of the scene from now on, instead of any earlier ones."""
         self._patches = patches
 
-    def _draw(self, noise: Image, dice: npt.NDArray[np.int64], exposure: float) -> Image:
+    def _draw(self, noise: camera.Image, dice: npt.NDArray[np.int64], exposure: float) -> camera.Image:
         if self._black:
             return tone(noise, self._damage.gamma)
         image = super()._draw(noise, dice, exposure)
@@ -116,18 +106,18 @@ class StagedCamera(EmulatedCamera):
             self._paint(image, noise, patch)
         return tone(image, self._damage.gamma)
 
-    def _project(self, view: View) -> tuple[Array, Array]:
+    def _project(self, view: View) -> tuple[camera.Array, camera.Array]:
         return project_turning(self._outline_m, view.camera_from_target, self._lens, view.focal_scale,
                                self._damage.turn_deg_s, self._damage.readout_s)
 
-    def _spread(self, plane: Plane) -> Plane:
+    def _spread(self, plane: camera.Plane) -> camera.Plane:
         blurred = super()._spread(plane)
         return cv2.filter2D(blurred, -1, _smear(self._damage.smear_px)) if any(self._damage.smear_px) else blurred
 
-    def _paint(self, image: Image, dark: Image, patch: Patch) -> None:
+    def _paint(self, image: camera.Image, dark: camera.Image, patch: Patch) -> None:
         """Put a patch into an image; where it hides, `dark` (the sensor's noise) is seen."""
-        low = np.maximum(np.floor(patch.corners_px.min(axis=0)).astype(int) - HALO_MARGIN_PX, 0)
-        high = np.minimum(np.ceil(patch.corners_px.max(axis=0)).astype(int) + HALO_MARGIN_PX, image.shape[1::-1])
+        low = np.maximum(np.floor(patch.corners_px.min(axis=0)).astype(int) - camera.HALO_MARGIN_PX, 0)
+        high = np.minimum(np.ceil(patch.corners_px.max(axis=0)).astype(int) + camera.HALO_MARGIN_PX, image.shape[1::-1])
         if (high - low < 1).any():
             return
         part = np.s_[low[1]:high[1], low[0]:high[0]]
@@ -140,16 +130,16 @@ class StagedCamera(EmulatedCamera):
             image[part] = (image[part] * (1 - cover) + dark[part] * cover).astype(np.uint8)
 
 
-def tone(image: Image, gamma: float) -> Image:
+def tone(image: camera.Image, gamma: float) -> camera.Image:
     """Return the image after the camera's tone curve, from the light that its sensor has measured."""
     if gamma == 1.0:
         return image.copy()
     curve = np.rint(255 * np.linspace(0.0, 1.0, 256) ** (1 / gamma)).astype(np.uint8)
-    written: Image = cv2.LUT(image, curve)
+    written: camera.Image = cv2.LUT(image, curve)
     return written
 
 
-def _smear(along_px: tuple[float, float]) -> Plane:
+def _smear(along_px: tuple[float, float]) -> camera.Plane:
     """A kernel that spreads a point evenly over this straight way, about its middle."""
     reach = math.ceil(max(abs(part) for part in along_px) / 2) + 1
     kernel = np.zeros((2 * reach + 1, 2 * reach + 1), np.float32)
@@ -161,7 +151,7 @@ def _smear(along_px: tuple[float, float]) -> Plane:
     return kernel
 
 
-def lights(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
+def lights(lens: camera.Lens, outline: camera.Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
     """Return lamps and signs of any colour, many of them green, as bars, wedges and discs."""
     patches = []
     for _ in range(int(random.integers(2, 9))):
@@ -175,7 +165,7 @@ def lights(lens: Lens, outline: Array | None, random: np.random.Generator) -> tu
     return tuple(patches)
 
 
-def frames(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
+def frames(lens: camera.Lens, outline: camera.Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
     """Return irregular outlines of green light: three or four bars end to end, open or closed, like tubes and door
     frames."""
     at = random.uniform(0.15, 0.85, 2) * (lens.width_px, lens.height_px)
@@ -187,7 +177,7 @@ def frames(lens: Lens, outline: Array | None, random: np.random.Generator) -> tu
     return tuple(_bar(corners[k], corners[(k + 1) % 4], wide, level) for k in range(bars))
 
 
-def floor_reflection(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
+def floor_reflection(lens: camera.Lens, outline: camera.Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
     """Return the target again, upside down, below its position, dimmer and broken."""
     if outline is None:
         return lights(lens, outline, random)
@@ -197,17 +187,17 @@ def floor_reflection(lens: Lens, outline: Array | None, random: np.random.Genera
     return _outline_bars(turned, level)
 
 
-def second_goal(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
+def second_goal(lens: camera.Lens, outline: camera.Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
     """Return another half hexagon of the same make, elsewhere."""
     return _shape(HALF_HEXAGON, lens, random, (1.5, 2.6))
 
 
-def other_target(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
+def other_target(lens: camera.Lens, outline: camera.Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
     """Return a target of another year, at any height on any wall."""
     return _shape(OTHERS[int(random.integers(0, len(OTHERS)))], lens, random, (0.4, 2.8))
 
 
-def in_the_way(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
+def in_the_way(lens: camera.Lens, outline: camera.Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
     """Return a dark bar, arm or robot in front of a part of the target."""
     if outline is None:
         return lights(lens, outline, random)
@@ -219,7 +209,7 @@ def in_the_way(lens: Lens, outline: Array | None, random: np.random.Generator) -
     return (Patch(at + (np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * size / 2) @ turn.T, (0.0, 0.0, 0.0)),)
 
 
-def glare(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
+def glare(lens: camera.Lens, outline: camera.Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
     """Return a bright object that touches the target."""
     if outline is None:
         return lights(lens, outline, random)
@@ -229,13 +219,13 @@ def glare(lens: Lens, outline: Array | None, random: np.random.Generator) -> tup
     return (Patch(at + np.column_stack([np.cos(angle), np.sin(angle)]) * size, _shine(random)),)
 
 
-Kind = Callable[[Lens, Array | None, np.random.Generator], tuple[Patch, ...]]
+Kind = Callable[[camera.Lens, camera.Array | None, np.random.Generator], tuple[Patch, ...]]
 KINDS: tuple[Kind, ...] = (lights, frames, floor_reflection, second_goal, other_target, in_the_way, glare)
 
 
 def _tape(level: float) -> tuple[float, float, float]:
     """The tape's colour, so bright."""
-    blue, green, red = TAPE_BGR
+    blue, green, red = camera.TAPE_BGR
     return level * blue, level * green, level * red
 
 
@@ -247,33 +237,33 @@ def _shine(random: np.random.Generator) -> tuple[float, float, float]:
     return blue, green, red
 
 
-def _bar(begin: Array, end: Array, wide_px: float, level: float) -> Patch:
+def _bar(begin: camera.Array, end: camera.Array, wide_px: float, level: float) -> Patch:
     along = (end - begin) / max(float(np.hypot(*(end - begin))), 1e-9)
     side = np.array([along[1], -along[0]]) * wide_px / 2
     return Patch(np.array([begin + side, end + side, end - side, begin - side]), _tape(level))
 
 
-def _outline_bars(outline: Array, level: float) -> tuple[Patch, ...]:
+def _outline_bars(outline: camera.Array, level: float) -> tuple[Patch, ...]:
     """The tape's outline (8, 2) of truearc.hw.emulated.camera as three strips."""
     return tuple(Patch(outline[list(corners)], _tape(level)) for corners in ((0, 1, 5, 4), (1, 2, 6, 5), (3, 0, 4, 7)))
 
 
-def _shape(strips_m: tuple[Array, ...], lens: Lens, random: np.random.Generator,
+def _shape(strips_m: tuple[camera.Array, ...], lens: camera.Lens, random: np.random.Generator,
            heights_m: tuple[float, float]) -> tuple[Patch, ...]:
     """Flat strips (n, 2) of tape in metres, on a wall somewhere before a camera that looks up by some degrees."""
     away_m, height_m = float(random.uniform(1.2, 11.0)), float(random.uniform(*heights_m))
     view = place(away_m, height_m - LENS_HEIGHT_M, float(random.uniform(5, 30)),
                  facing_deg=float(random.uniform(-50, 50)), bearing_deg=float(random.uniform(-20, 20)))
-    blue, green, red = (float(random.uniform(0.5, 1.0)) * part for part in TAPE_BGR)
+    blue, green, red = (float(random.uniform(0.5, 1.0)) * part for part in camera.TAPE_BGR)
     patches = []
     for strip in strips_m:
-        ideal, depth_m = project(np.column_stack([strip, np.zeros(len(strip))]), view.camera_from_target, lens)
+        ideal, depth_m = camera.project(np.column_stack([strip, np.zeros(len(strip))]), view.camera_from_target, lens)
         if depth_m.min() > NEAREST_M:
-            patches.append(Patch(distort(ideal, lens), (blue, green, red)))
+            patches.append(Patch(camera.distort(ideal, lens), (blue, green, red)))
     return tuple(patches)
 
 
-def _box(x: float, y: float, wide: float, high: float, lean_deg: float = 0.0) -> Array:
+def _box(x: float, y: float, wide: float, high: float, lean_deg: float = 0.0) -> camera.Array:
     """A rectangle of tape in inches about (x, y), leaning to the right."""
     angle = np.radians(lean_deg)
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
@@ -281,7 +271,7 @@ def _box(x: float, y: float, wide: float, high: float, lean_deg: float = 0.0) ->
     return np.asarray((corners @ turn.T + (x, y)) * INCH_M, dtype=np.float64)
 
 
-def _polygon(corners_in: list[tuple[float, float]], wide_in: float) -> tuple[Array, ...]:
+def _polygon(corners_in: list[tuple[float, float]], wide_in: float) -> tuple[camera.Array, ...]:
     """Strips of tape along an open line of corners, in inches."""
     strips = []
     for (x0, y0), (x1, y1) in pairwise(corners_in):
@@ -295,7 +285,7 @@ def _polygon(corners_in: list[tuple[float, float]], wide_in: float) -> tuple[Arr
 HALF_HEXAGON = _polygon([(-18.5, 8.5), (-9.3, -7.5), (9.3, -7.5), (18.5, 8.5)], 2)
 # FIRST's games, from their manuals: 2012/2013 frames, 2014 hot goal, 2016 U, 2017 boiler and peg, 2019 hatch, 2022 hub;
 # then shapes that only resemble ours
-OTHERS: tuple[tuple[Array, ...], ...] = (
+OTHERS: tuple[tuple[camera.Array, ...], ...] = (
     _polygon([(-11, 8), (-11, -8), (11, -8), (11, 8), (-11, 8)], 2),
     _polygon([(-29, 8), (-29, -8), (29, -8), (29, 8), (-29, 8)], 4),
     (_box(0, 0, 4, 32), _box(-16, 18, 23.5, 4)),

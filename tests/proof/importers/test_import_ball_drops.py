@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import truearc as ta
-from truearc.sim.physics.catalogue import BUILT_IN, terms_of_file
 from truearc_proof.importers.ball_drops import import_ball_drops, import_sepia_drops
 
 HEADER = ("ball", "sheet", "drop", "t_s", "height_m", "velocity_mps", "mass_kg", "diameter_m")
@@ -162,18 +161,3 @@ def test_a_bad_table_is_named(tmp_path: Path, text: str, said: str) -> None:
     (tmp_path / "drops.txt").write_text(text, encoding="utf-8")
     with pytest.raises(ta.InputError, match=said):
         import_sepia_drops(tmp_path / "drops.txt")
-
-
-@pytest.mark.data
-def test_drag_with_the_square_of_the_speed_is_named_and_not_with_the_speed(data_dir: Path) -> None:
-    """The truth of these times has v^2; the toolbox's own simulator has v."""
-    folder = data_dir / "real" / "sepia_ball_drop"
-    dataset = import_sepia_drops(*(folder / f"1_field.{end}" for end in ("dat", "height", "radii")))
-    root = Path(__file__).parents[3]
-    terms = [*BUILT_IN, *terms_of_file(root / "examples" / "linear_drag.py", BUILT_IN)]
-    law = ta.discover(dataset, believe=["gravity"], terms=terms)
-    assert law.record.set == ("drag",)
-    chance = {one.term: one.probability for one in law.record.what}
-    assert chance["linear_drag"] < 0.05
-    told = ta.discover(dataset, believe=["gravity", "linear_drag"], terms=terms)
-    assert told.verdict == "none" and "so few shots cannot show" in told.sentence

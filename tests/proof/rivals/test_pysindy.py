@@ -70,15 +70,6 @@ def test_where_there_is_nothing_nothing_is_said(form: str) -> None:
     assert not claim.says_something and claim.names == ()
 
 
-@pytest.mark.parametrize("form", ["strong", "weak"])
-def test_the_same_seed_says_the_same(form: str) -> None:
-    flights = constant(0.5, shots=10, noise_m=0.005)
-    before = np.random.get_state()[1].copy()
-    once, again = (sindy.ensemble(rows_by(form, flights), Tuning(0.1, 0.05), 3, 5) for _ in range(2))
-    np.testing.assert_array_equal(once, again)
-    np.testing.assert_array_equal(before, np.random.get_state()[1])
-
-
 def test_a_law_that_is_the_true_one_foretells_without_error() -> None:
     flights = constant(1.5)
     weights = np.zeros((len(flights), len(COLUMNS)))

@@ -50,7 +50,9 @@ def test_a_file_is_sent_offered_and_accepted(page, inbox, tmp_path):
 
 
 @pytest.mark.parametrize(("method", "path", "body", "headers", "status"), [
-    ("PUT", "/aim", sealed(), {}, 401), ("POST", "/accept", b'{"sha256":"a"}', {"Authorization": "Bearer x"}, 401),
+    *((method, path, body, {"Authorization": token} if token else {}, 401)
+      for method, path, body in (("PUT", "/aim", sealed()), ("POST", "/accept", b'{"sha256":"a"}'))
+      for token in ("", "Bearer ", "Bearer x", "Basic abc", "Bearer \xe4")),
     ("PUT", "/aim", b" " * (MAX_AIM_BYTES + 1), {}, 413), ("POST", "/accept", b" " * 4097, {}, 413),
     ("POST", "/aim", b"{}", {}, 405), ("PUT", "/accept", b"{}", {}, 405), ("DELETE", "/aim", b"", {}, 405),
     ("PUT", "/aim", b"{}", {"Content_Type": "text/plain"}, 415),

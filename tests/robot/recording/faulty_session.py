@@ -29,15 +29,7 @@ from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
 from truearc.sim.world.emulated_robot import CHANNELS, Driver
 from truearc.sim.world.world import World
-from truearc_proof.world.faults import (
-    DEAF,
-    DOUBLED,
-    OVERWRITTEN,
-    SILENT,
-    STUCK,
-    TRUNCATED,
-    Fault,
-)
+from truearc_proof.world import faults as kinds
 
 SEED, MS = 13, 1_000_000
 END_MS = 5400
@@ -50,17 +42,17 @@ def make_faults(config):
     left, right = config.axes.flywheels
 
     def fault(kind, begin_ms, end_ms, frame_id=None, **how):
-        return Fault(kind, begin_ms * MS, end_ms * MS, frame_id, **how)
+        return kinds.Fault(kind, begin_ms * MS, end_ms * MS, frame_id, **how)
 
     speeds = [axis.node << 5 | 0x09 for axis in (left, right)]
     heartbeat = odrive.frame_id(odrive.OdriveAxis(config.axes.feeder.node, 1), "Heartbeat")
-    return {"flywheel_a": (fault(TRUNCATED, 600, 620, length=3), fault(DEAF, 3000, 3250),
-                           fault(STUCK, 1800, 1950, speeds[0])),
-            "flywheel_b": (fault(OVERWRITTEN, 700, 715, speeds[1], at=4, data=struct.pack("<f", math.nan)),
-                           fault(OVERWRITTEN, 2000, 2100, speeds[1], at=4, data=struct.pack("<f", 40.0))),
-            "hood": (fault(SILENT, 900, 1050),), "feeder": (fault(SILENT, 1100, 1400, heartbeat),),
-            "hood_encoder": (fault(SILENT, 1450, 1600), fault(DOUBLED, 2800, 3900)),
-            "camera": (fault(SILENT, 3300, 3700),)}
+    return {"flywheel_a": (fault(kinds.TRUNCATED, 600, 620, length=3), fault(kinds.DEAF, 3000, 3250),
+                           fault(kinds.STUCK, 1800, 1950, speeds[0])),
+            "flywheel_b": (fault(kinds.OVERWRITTEN, 700, 715, speeds[1], at=4, data=struct.pack("<f", math.nan)),
+                           fault(kinds.OVERWRITTEN, 2000, 2100, speeds[1], at=4, data=struct.pack("<f", 40.0))),
+            "hood": (fault(kinds.SILENT, 900, 1050),), "feeder": (fault(kinds.SILENT, 1100, 1400, heartbeat),),
+            "hood_encoder": (fault(kinds.SILENT, 1450, 1600), fault(kinds.DOUBLED, 2800, 3900)),
+            "camera": (fault(kinds.SILENT, 3300, 3700),)}
 
 
 class Wire:

@@ -14,10 +14,9 @@ from pathlib import Path
 import pytest
 
 from tests.robot.samples import check
-from truearc.robot.reasons import texts
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import replay, replay_frames
-from truearc.robot.recording.session import FORMAT, decode_trial, encode_row, load_header, load_trials
+from truearc.robot.recording.session import FORMAT, encode_row, load_header, load_trials
 
 HERE = Path(__file__).parent
 TICKS = {"golden_2": 1115, "golden_faults_2": 1081}
@@ -61,15 +60,3 @@ def test_a_row_is_written_as_it_was_read(golden: Path) -> None:
         assert encode_row(tick) == row
     lines = (golden / "trials.jsonl").read_bytes().splitlines()
     assert [encode_row(trial) for trial in load_trials(golden)] == lines
-
-
-def test_sentences_in_parameters_of_older_recordings_stay_as_they_were() -> None:
-    causes = (b'{"code":"disk_error","params":{"detail":"can0.log has been deleted"}}',
-              b'{"code":"pipe_closed","params":{"detail":"the sender has ended"}}',
-              b'{"code":"frame_unexpected","params":{"device":"spark 3","frame":"0x0205b883","wanted":"its STATUS_2"}}')
-    row = b'{"outcome":{"trial":3,"t_ns":5,"outcome":"held","reasons":[' + b",".join(causes) + b']},"shot":null}'
-    trial = decode_trial(row)
-    assert encode_row(trial) == row
-    assert texts(trial.outcome.reasons) == ["can0.log has been deleted",
-                                            "pipe from another process: the sender has ended",
-                                            "spark 3: unexpected frame 0x0205b883; expected its STATUS_2"]

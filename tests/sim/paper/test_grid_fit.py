@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from tests.sim.physics import reference
-from tests.sim.physics.rigs import GUPPY, weightless
+from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.grid_fit import fit_grid, make_axis, map_deviation, score
 from truearc.sim.paper.grid_labels import find_hits, fly_pairs, label_launches, make_flyer
-from truearc.sim.physics.term import Exit
 from truearc_proof.reproduce.collect import exit_seed
 
 TRUTH = (0.9, 0.05)
@@ -138,14 +137,6 @@ def test_flights_are_those_of_dop853(most):
     np.testing.assert_allclose(height_m, wanted_m, atol=1e-5)
     if most < 1.0:
         assert np.isfinite(wanted_m).sum() > 15
-
-
-def test_without_forces_it_is_a_line_and_without_speed_nowhere():
-    """Weightless in no air: z = z0 + d tan(theta)."""
-    exit = Exit(np.array([7.0, 0.0]), np.radians([30.0, 30.0]), np.array([0.0, 0.0]))
-    height_m = fly_pairs(make_flyer(weightless(0.4), exit, np.array([3.0, 3.0])), np.zeros(1), np.zeros(1))[0]
-    assert height_m[0] == pytest.approx(0.4 + 3.0 * np.tan(np.radians(30.0)), abs=1e-9)
-    assert np.isnan(height_m[1])
 
 
 def _dense(flyer, axis):

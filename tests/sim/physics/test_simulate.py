@@ -161,14 +161,6 @@ def test_seed_exit_is_equations_11_and_12():
     assert exit.spin_rev_s[2] > 0    # the lower wheel is the faster: backspin
 
 
-def test_no_slip_gives_the_seeds_speed_and_half_its_spin():
-    upper, lower = 9.0, 15.0
-    speed, spin = sim.exit_no_slip(with_wheels(180.0, 0.0), [[lower, upper]])
-    assert speed[0] == pytest.approx((upper + lower) / 2)
-    seed_rad_s = (lower - upper) / reference.RADIUS_M
-    np.testing.assert_allclose(spin[0], [0.0, -seed_rad_s / 2, 0.0], atol=1e-12)
-
-
 @pytest.mark.parametrize("clocks", [(0.0, 120.0, 240.0), (180.0, 60.0, -60.0), (10.0, 80.0, 200.0, 300.0)])
 def test_no_slip_recovers_a_rolling_ball(clocks):
     """Surface speeds of a rigid ball by the cross product in space, exit direction x, left y, up z."""

@@ -127,12 +127,6 @@ def test_the_stops_hold_and_the_switch_closes_near_the_lower_one() -> None:
     assert not hood.at_limit
 
 
-def test_below_its_friction_nothing_moves() -> None:
-    hood = drive.Hood(50.0, Options())
-    _run(hood, 0.99 * drive.HOOD_COULOMB_NM, 1.0)
-    assert (hood.elevation_deg, hood.position_rad) == (50.0, 0.0)
-
-
 @pytest.mark.parametrize("play_deg", [0.0, 0.1, 0.8])
 def test_reversing_loses_the_play(play_deg: float) -> None:
     hood = drive.Hood(50.0, Options(hood_backlash_deg=play_deg))
@@ -155,7 +149,6 @@ def test_a_crooked_magnet_changes_only_what_the_encoder_says() -> None:
     assert math.degrees(straight.encoder_rad) == pytest.approx(straight.elevation_deg)
 
 
-CALM = Options(scatter_scale=0.0)
 STIFFNESS = 8000.0
 BELT = drive.LOWER_INERTIA_KG_M2 + drive.UPPER_GEAR**2 * drive.UPPER_INERTIA_KG_M2
 
@@ -184,13 +177,6 @@ def test_the_scatter_is_as_wide_as_it_says(scale: float, least: float, most: flo
     assert least < statistics.stdev(ball.mass_kg / 0.14 for ball in balls) / scene.MASS_SHARE < most
     assert least < statistics.stdev(ball.stiffness_n_m / 8000.0 for ball in balls) / scene.STIFFNESS_SHARE < most
     assert least < statistics.stdev(ball.seat_m for ball in balls) / scene.SEAT_M < most
-
-
-def test_without_scatter_all_balls_are_as_drawn() -> None:
-    rack = scene.Rack(3, CALM)
-    balls = {rack.ball(k)._replace(ball_id="") for k in range(3 * scene.RACK)}
-    assert len(balls) == 1
-    assert balls.pop() == ("", 0.14, 0.0889, 8000.0, 1.0, 1.0, 0.0, 0.0)
 
 
 def test_wear_is_counted_for_each_ball() -> None:
