@@ -24,7 +24,7 @@ from truearc.sim.discover.identifiability import Sight, foresee, foresee_dataset
 from truearc.sim.discover.investigate import Investigation, make_belief, with_worth
 from truearc.sim.discover.next_steps import can_design, make_design
 from truearc.sim.discover.report import pages
-from truearc.sim.discover.report.finding_text import console_lines
+from truearc.sim.discover.report.story import console_lines
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.likelihood.layout import Measurement, check_believed, column_of
 from truearc.sim.infer.track_forecast import known_of
@@ -326,4 +326,4 @@ def design_shots(dataset: Dataset, found: Finding, *, shots: int = settings.PLAN
         plan = pages.design_table(made, dataset.in_order(), steps[0], among)
     elif record.verdict == "none" and record.next:
         plan = {"next": [dict(step) for step in record.next]}
-    return ShotDesign(record.sentence, record.verdict, plan, among, record.data.level)
+    return ShotDesign(record.told.change, record.verdict, plan, among, record.data.level)

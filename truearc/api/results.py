@@ -16,7 +16,7 @@ from truearc.robot.config.schema import Config
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import Trial, load_header, load_session_config, load_trials
 from truearc.robot.types import Tick
-from truearc.sim.discover.finding import FindingRecord, Interval, Named, load_record, make_json
+from truearc.sim.discover.finding import FindingRecord, Interval, Named, Story, load_record, make_json
 from truearc.sim.printed import Printed, make_text
 
 EFFECT_COLUMNS = ("term", "probability", "value", "low90", "high90", "unit", "stage")
@@ -115,8 +115,23 @@ class FindingReport(Printed):
 
     @property
     def sentence(self) -> str:
-        """The verdict as a sentence: the missing effect, its size, and its value on hold-out shots."""
+        """The story as one text: what changed, where, what it is worth, how sure; not what to do next."""
         return self.record.sentence
+
+    @property
+    def story(self) -> Story:
+        """The story in parts: change, where, worth, sure, next; also and limits are tuples of sentences."""
+        return self.record.told
+
+    @property
+    def change(self) -> str:
+        """What changed or is missing, with its size and 90 % interval; or that nothing was found."""
+        return self.story.change
+
+    @property
+    def next(self) -> str:
+        """The one thing to do next; "" if there is none. `record.next` has all steps."""
+        return self.story.next
 
     @property
     def p_value(self) -> float | None:
@@ -180,7 +195,7 @@ class SavedFinding(FindingReport):
 
     def lines(self) -> list[str]:
         """Return the report, as for a new finding."""
-        from truearc.sim.discover.report.finding_text import console_lines  # loads SciPy and JAX; reading needs neither
+        from truearc.sim.discover.report.story import console_lines  # loads SciPy and JAX; reading needs neither
         return console_lines(self.saved)
 
 

@@ -241,7 +241,7 @@ def _found(act: Act) -> str:
 def say_limits(event: Act, control: Act) -> str:
     """Return one line on what the marked shots cannot separate, and what they could not have shown."""
     alike = [plain(one.term) for one in (*event.finding.effects[:1], *event.finding.alternatives)]
-    blind = control.finding.sentence.partition(SEEN)[2].partition("; best next")[0].partition(". ")[0]
+    blind = control.finding.change.partition(SEEN)[2].rstrip(".")
     line = f"These marks cannot tell {either(alike[:LISTED + 1], 'from')}. " if len(alike) > 1 else ""
     unseen = f"{'They' if line else 'These marks'} {SEEN}{blind}." if blind else ""
     return line + unseen or "Marks do not show in which part a difference arises."

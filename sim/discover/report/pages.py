@@ -20,6 +20,7 @@ from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.next_steps import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report import pictures
+from truearc.sim.discover.report import story as stories
 from truearc.sim.discover.report.finding_text import WORDING, in_words, list_believed, plain, size_of
 from truearc.sim.discover.report.pictures import View, flight_png, halves, residual_figure, sight_png, views_of
 from truearc.sim.infer.likelihood.score_table import Array
@@ -220,7 +221,6 @@ def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
 HERE = files("truearc.sim.discover.report")
 STYLE = (HERE / "finding.css").read_text(encoding="utf-8")
 FINE_PRINT = (HERE / "fine_print.txt").read_text(encoding="utf-8").split("\n\n")
-MOSTLY = 0.97                         # of the improvement: then a region tells nothing new; derived: rounding
 BARS = ("A bar is the probability that this effect is among those left out. Several can be, so bars may add up to more "
         "than 100 %.")
 LEVELS = {"L0": "outcomes only", "L1": "outcomes with telemetry", "L2": "tracks of the flight, or times at heights"}
@@ -356,22 +356,7 @@ def _listed(kind: str, lines: Iterable[str]) -> str:
 
 
 def _where(finding: FindingRecord) -> str:
-    where = finding.where
-    if not where.stage_probability:
-        return ""
-    ranked = sorted(where.stage_probability.items(), key=lambda item: -item[1])
-    parts = [f"{wording.STAGE_WORDS[stage]} ({p:.0%})" for stage, p in ranked if p >= 0.005]
-    said = f"Where it happens: {', '.join(parts)}."
-    if where.covariate:
-        said += f" It goes with {in_words(where.covariate)}."
-    if where.times_s:
-        end = f"{where.times_s[1]:.2f} s" if np.isfinite(where.times_s[1]) else "the end"
-        said += f" Along the flight most of it lies between {where.times_s[0]:.2f} and {end}."
-    region = where.region
-    if "low" in region and region["share_of_gain"] < MOSTLY:
-        said += (f" {region['share_of_gain']:.0%} of the improvement comes from shots with "
-                 f"{in_words(region['covariate'])} between {region['low']:.3g} and {region['high']:.3g}.")
-    return paragraph(said)
+    return paragraph(stories.say_where(finding.where))
 
 
 def _names(finding: FindingRecord, among: Catalogue) -> str:
@@ -391,10 +376,9 @@ def _names(finding: FindingRecord, among: Catalogue) -> str:
         if form_of([one.probability for one in finding.what if one.term in members]) == "likely":
             cannot = f"In orange what cannot be excluded: {listed}."
         said = paragraph(cannot) + said
-    sure = wording.say_how_sure(finding)
+    sure = stories.say_how_sure(finding)
     said += paragraph(f"{BARS} {_capital(sure)}." if sure else BARS)
-    return said + "".join(paragraph(wording.besides(further, then, among).strip())
-                          for further, then in zip(finding.also, wording.THEN, strict=False))
+    return said + "".join(map(paragraph, finding.told.also))
 
 
 def _bar(name: str, probability: float, kind: str, bold: bool, note: str) -> str:

@@ -16,7 +16,7 @@ from truearc.sim.discover.investigate import (
     make_belief,
     with_own_priors,
 )
-from truearc.sim.discover.report.finding_text import say_adopted
+from truearc.sim.discover.report.story import say_adopted
 from truearc.sim.discover.select.simulations import mixed, shares
 from truearc.sim.infer.belief import Belief, Coefficients, load_belief, point_belief
 from truearc.sim.infer.launcher import coefficients_of

@@ -23,6 +23,7 @@ from truearc.sim.discover.identifiability import foresee
 from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.report import pages
 from truearc.sim.discover.report import pictures as pic
+from truearc.sim.discover.report.story import tell
 from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.report import Origin
@@ -97,10 +98,11 @@ def test_a_set_is_marked_and_a_name_besides_is_told(drifting: Investigation) -> 
     first = msgspec.structs.replace(finding.what[0], probability=0.5)
     both = msgspec.structs.replace(finding, what=(first, wind), set=(first.term, "wind_x"), verdict="set",
                                   also=(FoundEffect((wind,), ("wind_x",), None),), unexplained=0.1)
+    both = tell(msgspec.structs.replace(both, unknown=None), None)
     page = pages.make_report("set", replace(drifting, finding=both))
     text = read(page)
     assert page.count('class="fill set"') == 2 and "apart (orange)." in text and "may add up to more than 100 %" in text
-    assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target" in text
+    assert "Beside that, there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target" in text
     assert "an unexplained effect in their place" in text and "10%" in text
 
 
@@ -108,9 +110,8 @@ def test_nothing_found_still_shows_the_shots_and_what_they_could_have_told(quiet
     assert quiet.finding.verdict == "none"
     page = pages.make_report("quiet", quiet)
     text = read(page)
-    opening = re.match(r"Nothing found; these 120 shots could not have shown .* below .*; best next: measure ",
-                       quiet.finding.sentence)
-    assert opening and opening[0] in text and "by no more than chance" in text
+    assert re.match(r"Nothing found; these 120 shots could not have shown .* below .*\.", quiet.finding.told.change)
+    assert quiet.finding.told.change in text and "If nothing were missing" in text
     assert "seen from, with 120 shots" in text and "shots needed" in text
     assert "<details><summary>Effect by effect" not in page and "Simulation and shots" in text
     assert page.count("data:image/png;base64,") >= 2
