@@ -333,7 +333,8 @@ def table_of(finding: FindingRecord, among: Catalogue | None = None) -> list[tup
         rows.append(("stages", ", ".join(f"{stage} {p:.0%}" for stage, p in where.stage_probability.items())))
     if where.inseparable:
         rows.append(("inseparable", wording.say_inseparable(where)))
-    rows += [] if isinstance(finding.adoption, UnsetType) else [("points", wording.say_points(finding.adoption).removeprefix("points "))]
+    if not isinstance(finding.adoption, UnsetType):
+        rows.append(("points", wording.say_points(finding.adoption).removeprefix("points ")))
     if finding.fit is not None and (text := say_forecasts(finding.fit)):
         rows.append(("forecasts", text))
     rows += [("next", f"{wording.say_step(step, among)}{wording.then_measured(step, finding, among)}")
