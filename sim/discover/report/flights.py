@@ -43,7 +43,7 @@ def draw_flights(investigation: Investigation) -> Figure | None:
             return None
         arcs = [[(one.place_m[:, 0], one.place_m[:, 2], Z90 * one.sd_m[:, 2])
                  for one in forecast_flights(shown, belief, SHARE)] for belief in beliefs]
-    figure, (axes,) = new_panels(PHONE_IN, 3.5)
+    figure, (axes,) = new_panels(PHONE_IN, 3.0)
     for number, (flights, colour) in enumerate(zip(arcs, (BEFORE, AFTER), strict=False)):
         for row, (x, z, reach) in enumerate(flights):
             last = number == len(arcs) - 1

@@ -209,7 +209,7 @@ def make_report(name: str, investigation: Investigation, origin: Origin = NO_ORI
                 truth: Mapping[str, float] | None = None) -> str:
     """HTML text of the answer about the dataset called `name`; truth: sizes of what is really there, by term."""
     finding, among = investigation.finding, investigation.catalogue
-    names, sight, worth, gate = _names(finding, among, truth or {}), "", [], ""
+    names, sight, worth, gate = names_of(finding, among, truth or {}), "", [], ""
     if investigation.fitted is not None:
         threshold = investigation.threshold if np.isfinite(investigation.threshold or np.inf) else None
         sight = sight_section(sight_of(investigation.fitted.scores, finding.data.level, finding.data.believed,
@@ -319,8 +319,8 @@ def _numbers(finding: FindingRecord, among: Catalogue) -> list[tuple[str, str]]:
     return [*rows, *(("left out", reason) for reason in finding.data.left_out)]
 
 
-def _names(finding: FindingRecord, among: Catalogue, truth: Mapping[str, float]) -> list[dict[str, Any]]:
-    """A row per name: its probability, and its size with its interval on a scale that has zero and the truth."""
+def names_of(finding: FindingRecord, among: Catalogue, truth: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Return a row per name: its probability, and its size with its interval on a scale that has zero and the truth."""
     members = set(finding.set or ())
     rows = [_row_of(one, one.term in members, truth.get(one.term), among) for one in finding.what
             if one.probability >= stories.LEAST_SHOWN or one.term in members]
