@@ -78,6 +78,21 @@ def _text(cell: Any) -> str:
     return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
 
 
+class Tabular(Printed):
+    """A result with a table."""
+
+    @abstractmethod
+    def table(self) -> Table:
+        """Return the result's numbers, row by row."""
+
+    def to_pandas(self) -> Any:
+        """Return the table as a pandas DataFrame; ModuleNotFoundError if pandas is not installed."""
+        return self.table().to_pandas()
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>{self.table()._repr_html_()}"
+
+
 @dataclass(frozen=True)
 class Effect:
     """Candidate term for an effect that the simulation lacks.
@@ -100,7 +115,7 @@ class Effect:
     change: Interval | None = None
 
 
-class FindingReport(Printed):
+class FindingReport(Tabular):
     """The figures of a finding, and its report."""
 
     @property
@@ -174,9 +189,9 @@ class FindingReport(Printed):
         return make_json(self.record).decode()
 
     def _repr_html_(self) -> str:
-        head, *rest = map(html.escape, self.lines())
-        return (f"<p><b>{self.verdict}</b>: {head}</p>{self.table()._repr_html_() if self.effects else ''}"
-                f"<pre>{chr(10).join(rest)}</pre>")
+        from truearc.sim.report import render  # loads Matplotlib
+        table = self.table()._repr_html_() if self.effects else ""
+        return render("cell.html", told=self.story, table=table, lines="\n".join(self.lines()))
 
 
 @dataclass(frozen=True)

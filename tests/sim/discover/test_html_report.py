@@ -162,6 +162,15 @@ def test_an_effect_without_a_name_is_drawn_with_its_free_curve(drifting: Investi
     assert 0.0 < sd.max() < 0.02
 
 
+def test_a_free_curve_is_drawn_although_the_fit_has_gained_a_term(drifting: Investigation) -> None:
+    """A name may be withheld only after the curve was fitted beside fewer shared columns."""
+    step = drifting.steps[0]
+    more = step.fitted.beside(step.naming.refits[step.naming.leader])
+    assert more.scores.first_shared < step.fitted.scores.first_shared
+    before, after = pic.evidence_after(step), pic.evidence_after(replace(step, fitted=more))
+    np.testing.assert_array_equal(before.score, after.score)
+
+
 def test_data_that_say_nothing_make_a_page_all_the_same() -> None:
     shots = Shots(tuple(map(str, range(20))), {"distance_m": np.linspace(2.0, 6.0, 20)}, {})
     mute = discover(Dataset("mute", FACTS, shots))
