@@ -3,13 +3,14 @@
 import csv
 import html
 import sys
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from truearc.errors import whole_file
+from truearc.hw.protocols import NS
+from truearc.hw.real.clock import MonotonicClock
 
 MOST = 8                              # lines of one kind on a terminal
 FIRST_S, REST_S = 2.0, 5.0            # before the first line of progress; between lines in a file
@@ -63,11 +64,12 @@ def show_progress(what: str, quiet: bool | None = None) -> Progress:
     live = sys.stderr.isatty() or "ipykernel" in sys.modules
     if quiet or (quiet is None and not live):
         return lambda done, note: None
-    began = time.monotonic()
+    clock = MonotonicClock()
+    began = clock.now_ns() * NS
     last, shown = [began if live else began - REST_S + FIRST_S], [False]
 
     def show(done: float, note: str = "") -> None:
-        now = time.monotonic()
+        now = clock.now_ns() * NS
         over = done >= 1.0
         if not over and now - last[0] < (0.2 if live and shown[0] else FIRST_S if live else REST_S):
             return
