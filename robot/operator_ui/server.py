@@ -210,6 +210,13 @@ LIMITS = {("POST", ASKED): asking.MAX_BODY_BYTES, ("POST", ACCEPTED): asking.MAX
           ("PUT", KEPT): MAX_AIM_BYTES}
 
 
+Look = Callable[[], tuple[Sighting, npt.NDArray[np.uint8]] | None]
+
+
+def look_nowhere() -> None:
+    """Stand in for a camera that is not there."""
+
+
 class OperatorPage:
     """Serves the ticks passed to `show` to every browser at `url`; OSError when it cannot listen there.
 
@@ -224,7 +231,8 @@ class OperatorPage:
         self._config, self._recording, self._clock = config, recording, clock
         self._glance = Glance()
         self._telling = threading.Lock()          # among browsers alone
-        self._look: Look | None = None
+        self._seeing = threading.Lock()
+        self._look: Look = look_nowhere
         self._picture: tuple[int, bytes] = (0, b"")
         self._told: tuple[int, bytes] = (0, b"")
         self.over = threading.Event()
@@ -249,15 +257,15 @@ class OperatorPage:
                 self._told = glance.seq, b"data: " + data + b"\n\n"
             return self._told
 
-    def see(self, look: "Look") -> None:
+    def see(self, look: Look) -> None:
         """Take camera pictures from there, whenever a browser asks for one."""
         self._look = look
 
     def picture(self) -> bytes:
         """Return the newest camera image with the detection drawn, as JPEG, new every PICTURE_S; empty without one."""
-        with self._telling:
+        with self._seeing:
             now_ns = self._clock.now_ns()
-            if self._look is not None and (not self._picture[1] or now_ns - self._picture[0] >= PICTURE_S * 1e9):
+            if not self._picture[1] or now_ns - self._picture[0] >= PICTURE_S * 1e9:
                 seen = self._look()
                 self._picture = now_ns, self._picture[1] if seen is None else draw_sighting(*seen)
             return self._picture[1]
@@ -268,9 +276,6 @@ class OperatorPage:
         self._server.server_close()
         if isinstance(self._server.what_if, WhatIfProcess):
             self._server.what_if.close()
-
-
-Look = Callable[[], tuple[Sighting, npt.NDArray[np.uint8]] | None]
 
 
 def draw_sighting(sighting: Sighting, image: npt.NDArray[np.uint8]) -> bytes:

@@ -24,6 +24,7 @@ STEP_S, POINTS = 0.04, 100            # of a flight; an arc is then within 2 mm 
 ACROSS = 60                           # points of an arc
 SHARE = 0.4                           # of a track without settings, from which the rest is forecast
 SAMPLES = 400                         # dots of all tracks, at most
+Arc = tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]     # x, height, reach of the band
 
 
 def draw_flights(investigation: Investigation) -> Figure | None:
@@ -68,7 +69,7 @@ def _choose(dataset: Dataset) -> Dataset:
     return dataset.take(list(picked))
 
 
-def _arcs(belief: Belief, shown: Dataset) -> list[tuple[Float[Array, " n"], ...]]:
+def _arcs(belief: Belief, shown: Dataset) -> list[Arc]:
     """(x, height, reach of nine in ten) of each shot up to its plane, by the scatter of speed and elevation.
 
     Without compiled code, which would take longer to make than these few flights to fly.

@@ -13,7 +13,7 @@ from msgspec import UnsetType
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.covariates import CovariatePair
-from truearc.sim.discover.finding import FindingRecord, Named
+from truearc.sim.discover.finding import FindingRecord, FitSummary, Named
 from truearc.sim.discover.identifiability import POWER, TAKEN, Fittable, Sight, TermIdentifiability, sight_of
 from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.next_steps import MOST_RANDOM, Block, Design
@@ -209,13 +209,13 @@ def make_report(name: str, investigation: Investigation, origin: Origin = NO_ORI
                 truth: Mapping[str, float] | None = None) -> str:
     """HTML text of the answer about the dataset called `name`; truth: sizes of what is really there, by term."""
     finding, among = investigation.finding, investigation.catalogue
-    names, sight, worth, gate = names_of(finding, among, truth or {}), "", [], ""
+    names, sight = names_of(finding, among, truth or {}), ""
+    worth, gate = (_worth(finding, finding.fit) if finding.fit is not None and finding.fit.gain_per_shot is not None
+                   else ([], ""))
     if investigation.fitted is not None:
         threshold = investigation.threshold if np.isfinite(investigation.threshold or np.inf) else None
         sight = sight_section(sight_of(investigation.fitted.scores, finding.data.level, finding.data.believed,
                                        threshold), among)
-    if finding.fit is not None and finding.fit.gain_per_shot is not None:
-        worth, gate = _worth(finding)
     return make_page(
         f"truearc discover: {name}", finding.sentence, [], origin._replace(sha256=finding.data.sha256), "finding.html",
         told=finding.told, pictures=make_pictures(investigation), names=names[:MOST_NAMES], folded=names[MOST_NAMES:],
@@ -344,10 +344,9 @@ def _row_of(one: Named, in_set: bool, truth: float | None, among: Catalogue) -> 
             "truth_at": None if truth is None else at(truth)}
 
 
-def _worth(finding: FindingRecord) -> tuple[list[tuple[Any, ...]], str]:
+def _worth(finding: FindingRecord, fit: FitSummary) -> tuple[list[tuple[Any, ...]], str]:
     """(table, its header first; what a held ball counts) of forecasts and points before and after."""
-    fit, worth = finding.fit, finding.adoption
-    assert fit is not None
+    worth = finding.adoption
     rows: list[tuple[Any, ...]] = [
         ("outcome accuracy [%]", _percent(fit.accuracy_before), _percent(fit.accuracy_after)),
         (f"height error at the {fit.height_at}, rms [m]", fit.height_rmse_before_m, fit.height_rmse_after_m),

@@ -6,6 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -13,6 +14,8 @@ from tests.robot.operator_ui.browser import BROWSER, Browser, Shower
 from tests.robot.operator_ui.test_browser import CONFIG, GOOD, MANY
 from tests.robot.operator_ui.test_what_if import GATE
 from tests.waiting import serving
+from truearc.cli.common import load_camera
+from truearc.cli.vision_tuner import Recorded, Tuner, TuneServer, find_pictures
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.server import OperatorPage, PageServer
 from truearc.robot.operator_ui.what_if import LAPTOP_RATE_PER_S, WhatIf
@@ -97,6 +100,15 @@ def test_the_page_of_serve_has_no_serious_violation(browser: Browser) -> None:
     with serving(PageServer("127.0.0.1", 0, None, WhatIf(GATE, 0.3, 594.0, MonotonicClock(), LAPTOP_RATE_PER_S,
                                                        "gate.onnx"))) as server:
         check(browser, server.url, "typeof whatIf !== 'undefined' && whatIf.state().isSettled")
+
+
+def test_the_tuner_s_page_has_no_serious_violation(browser: Browser, tmp_path: Path) -> None:
+    image = np.zeros((480, 640, 3), np.uint8)
+    cv2.rectangle(image, (250, 150), (400, 230), (80, 255, 80), 3)
+    cv2.imwrite(str(tmp_path / "a.png"), image)
+    tuner = Tuner(load_camera(None), Recorded(find_pictures([str(tmp_path)])), tmp_path / "tuned.toml")
+    with serving(TuneServer(tuner, "127.0.0.1", 0)) as server:
+        check(browser, server.url, "document.querySelectorAll('input[type=range]').length > 0")
 
 
 @pytest.mark.parametrize("tick", [GOOD, MANY], ids=["fire", "hold"])
