@@ -65,7 +65,7 @@ def ask(name: str, data: Path, folder: Path) -> tuple[str, ...]:
             if truearc([*words, "--quiet"]):
                 raise InputError(f"truearc {' '.join(words)}: no answer")
     answer = said.getvalue().splitlines()[0]
-    held_out = re.search(r"forecasts (.*? instead of [^(]*)", answer)
+    held_out = re.search(r"forecasts (.*? instead of [^(]*)", said.getvalue())
     return (title, str(len(ta.load_dataset(where).shots)), answer.partition(". ")[0] + ".",
             held_out[1].strip() if held_out else "-")
 

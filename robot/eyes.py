@@ -48,6 +48,7 @@ class InlineEyes:
     def __init__(self, camera: Camera, see: Callable[[CameraFrame], Sighting]) -> None:
         self._camera, self._see = camera, see
         self._picture: CameraFrame | None = None
+        self._seen: Seen | None = None
 
     def read(self) -> Sighting | None:
         picture = self._camera.read()
@@ -55,12 +56,18 @@ class InlineEyes:
             return None
         self._picture = picture
         try:
-            return self._see(picture)
+            sighting = self._see(picture)
+            self._seen = sighting, picture.image
+            return sighting
         except Exception as error:    # whatever vision or its libraries may raise: the loop goes on, and holds
             raise LinkLost(vision_failed(error)) from error
 
     def picture(self) -> CameraFrame | None:
         return self._picture
+
+    def look(self) -> "Seen | None":
+        """Return the newest sighting and its image; called by any thread."""
+        return self._seen
 
 
 def vision_failed(error: Exception) -> Reason:

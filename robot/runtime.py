@@ -7,7 +7,7 @@ loop. The times come with the ticks; no clock is read here.
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from itertools import accumulate
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from msgspec import Struct
 
@@ -77,6 +77,13 @@ class Screen(Protocol):
     def close(self) -> None: ...
 
 
+@runtime_checkable
+class SeeingScreen(Protocol):
+    """A screen that also shows camera pictures: (sighting, image) of a call, None if there is none."""
+
+    def see(self, look: Callable[[], Any]) -> None: ...
+
+
 OpenScreen = Callable[[Clock], Screen | None]     # can be pickled: whichever process shows it calls it
 
 
@@ -89,6 +96,12 @@ class Screens:
     def show(self, tick: Tick) -> None:
         for screen in self._screens:
             screen.show(tick)
+
+    def see(self, look: Callable[[], Any]) -> None:
+        """Show camera pictures of `look` on the screens that can."""
+        for screen in self._screens:
+            if isinstance(screen, SeeingScreen):
+                screen.see(look)
 
     def close(self) -> None:
         for screen in self._screens:

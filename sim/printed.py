@@ -2,14 +2,19 @@
 
 import csv
 import html
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from truearc.errors import whole_file
+from truearc.hw.protocols import NS
+from truearc.hw.real.clock import MonotonicClock
 
 MOST = 8                              # lines of one kind on a terminal
+FIRST_S, REST_S = 2.0, 5.0            # before the first line of progress; between lines in a file
+WIDE = 78                             # letters of a line of progress
 Row = Sequence[str]
 Progress = Callable[[float, str], None]          # share done, 0 to 1; a note
 
@@ -48,6 +53,39 @@ def save_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)
+
+
+def show_progress(what: str, quiet: bool | None = None) -> Progress:
+    """Return a progress that shows how far `what` is, and the time left, on standard error.
+
+    One line that is rewritten on a terminal and in a notebook, a line every REST_S seconds elsewhere. quiet: None: show
+    it on a terminal or in a notebook only.
+    """
+    live = sys.stderr.isatty() or "ipykernel" in sys.modules
+    if quiet or (quiet is None and not live):
+        return lambda done, note: None
+    clock = MonotonicClock()
+    began = clock.now_ns() * NS
+    last, shown = [began if live else began - REST_S + FIRST_S], [False]
+
+    def show(done: float, note: str = "") -> None:
+        now = clock.now_ns() * NS
+        over = done >= 1.0
+        if not over and now - last[0] < (0.2 if live and shown[0] else FIRST_S if live else REST_S):
+            return
+        if over and quiet is None and not shown[0]:        # done before there was anything to wait for
+            return
+        last[0], shown[0] = now, True
+        passed = now - began
+        left = f", {_clock(passed * (1.0 - done) / done)} left" if 0.02 < done < 1.0 and passed > 1.0 else ""
+        line = f"{what}: {done:4.0%}{left}  {note}"[:WIDE].ljust(WIDE)
+        print(("\r" if live else "") + line, end="\n" if over or not live else "", file=sys.stderr, flush=True)
+
+    return show
+
+
+def _clock(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min"
 
 
 def part_of(progress: Progress, begin: float, share: float) -> Progress:

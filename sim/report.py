@@ -1,6 +1,5 @@
 """Self-contained HTML pages and their pictures, without external resources."""
 
-import base64
 import html
 import io
 import re
@@ -10,6 +9,8 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 import numpy as np
+from jinja2 import Environment, FunctionLoader
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -17,10 +18,14 @@ from matplotlib.figure import Figure
 from truearc.robot.gate import OUTPUTS
 from truearc.sim.statistics import reliability, wilson
 
-STYLE = (files("truearc.sim") / "report.css").read_text(encoding="utf-8")
+HERE = files("truearc.sim") / "templates"
+STYLE = (HERE / "page.css").read_text(encoding="utf-8").rstrip()
 DPI = 130
 PHONE_IN = 4.4                        # width of a picture whose letters are legible on a phone
-LEAST_SCALE = 0.6                     # of a picture; a wider one scrolls in its own box
+# Colours of pictures that a page's style decides, by day and by night
+INK, BEFORE, AFTER, GREY = "#30343b", "#1f5fa8", "#c2571a", "#9aa3af"
+THEME = {"#000000": "ink", INK: "ink", BEFORE: "blue", AFTER: "orange", GREY: "grey",
+         "#1b7f3b": "good", "#d99000": "fair", "#b3261e": "bad"}
 SHOWN = 16                            # digits of a hash
 FIRST_SENTENCE = re.compile(r"(.+?[.!?])\s+(?=[A-Z])(.*)", re.DOTALL)
 COLOURS = {"three": "#1b7f3b", "two": "#d99000", "miss": "#b3261e"}
@@ -40,30 +45,27 @@ class Origin(NamedTuple):
 NO_ORIGIN = Origin()
 
 
-def make_page(title: str, verdict: str, sections: Iterable[tuple[str, str]], origin: Origin = NO_ORIGIN) -> str:
+def render(template: str, **values: Any) -> str:
+    """Return the text of a template of sim/templates; what is not marked as safe there is escaped."""
+    return ENVIRONMENT.get_template(template).render(**values)
+
+
+def make_page(title: str, verdict: str, sections: Iterable[tuple[str, str]], origin: Origin = NO_ORIGIN,
+              template: str = "page.html", **values: Any) -> str:
     """Return the page: title, origin, the verdict's first sentence in a box, its other sentences, the sections.
 
     Args:
         title: Plain text, as is `verdict`.
         sections: (heading, HTML body); a heading of "" continues the section before.
         origin: Date, command and data; the version is added.
+        template: Template of the page, which takes `values`.
     """
-    parts = [f"<h2>{html.escape(heading)}</h2>\n{body}" if heading else body for heading, body in sections]
     found = FIRST_SENTENCE.fullmatch(verdict)
     first, rest = found.groups() if found else (verdict, "")
-    return ("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-            "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"
-            f"<title>{html.escape(title)}</title><style>\n{STYLE}</style></head><body>\n<h1>{html.escape(title)}</h1>\n"
-            f"{_origin_line(origin)}\n<p class=\"verdict\">{html.escape(first)}</p>\n"
-            + "\n".join([*([paragraph(rest)] if rest else []), *parts]) + "\n</body></html>\n")
-
-
-def _origin_line(origin: Origin) -> str:
     items = [origin.made_at.replace("T", " "), f"truearc {version('truearc')}",
              f"data SHA-256 {origin.sha256[:SHOWN]}" if origin.sha256 else ""]
-    said = " · ".join(html.escape(one) for one in items if one)
-    return f"<p class=\"origin\">{said}" + (f"<br><code>{html.escape(origin.command)}</code>" if origin.command else
-                                            "") + "</p>"
+    return render(template, title=title, style=STYLE, first=first, rest=rest, sections=list(sections), origin=origin,
+                  origin_line=" · ".join(filter(None, items)), **values) + "\n"
 
 
 def new_figure(width_in: float = 8.0, height_in: float = 3.6) -> Figure:
@@ -90,34 +92,46 @@ def make_png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def picture(png: bytes | None, alt: str, caption: str = "") -> str:
+def make_svg(figure: Figure, alt: str) -> str:
+    """Return the figure as SVG for a page: text as text, colours of THEME by the page's style, no ids but references.
+    """
+    buffer = io.StringIO()
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "truearc"}):
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = re.sub(r"<metadata>.*?</metadata>| xmlns(:\w+)?=\"[^\"]*\"| id=\"[A-Za-z.]+[\w.]*_\d+\"", "",
+                  text[text.index("<svg"):], flags=re.DOTALL)
+    for colour, variable in THEME.items():
+        text = text.replace(colour, f"var(--{variable})")
+    text = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font: \1px system-ui, sans-serif", text)
+    return re.sub(r'^<svg[^>]*(viewBox="[^"]*")[^>]*>', rf'<svg role="img" aria-label="{html.escape(alt)}" \1>', text)
+
+
+def picture(figure: Figure | None, alt: str, caption: str = "") -> str:
     """Return an inline image; nothing without one."""
-    if png is None:
-        return ""
-    data = base64.b64encode(png).decode("ascii")
-    below = f"<figcaption>{html.escape(caption)}</figcaption>" if caption else ""
-    least_px = LEAST_SCALE * int.from_bytes(png[16:20])       # the header's width
-    return (f"<figure><div class=\"scroll\"><img alt=\"{html.escape(alt)}\" style=\"min-width:{least_px:.0f}px\" "
-            f"src=\"data:image/png;base64,{data}\"></div>{below}</figure>")
+    return "" if figure is None else str(_part("picture")(make_svg(figure, alt), caption))
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """Return a table; numbers are right-aligned, None is a dash."""
-    head = "".join(f"<th>{html.escape(cell)}</th>" for cell in header)
-    body = "".join("<tr>" + "".join(_cell(cell) for cell in row) + "</tr>" for row in rows)
-    return f"<div class=\"scroll\"><table><tr>{head}</tr>{body}</table></div>"
+    return str(_part("table")(header, list(rows)))
 
 
 def paragraph(text: str, dim: bool = False) -> str:
-    return f"<p class=\"dim\">{html.escape(text)}</p>" if dim else f"<p>{html.escape(text)}</p>"
+    return str(_part("paragraph")(text, dim))
+
+
+def _part(name: str) -> Any:
+    return getattr(ENVIRONMENT.get_template("parts.html").module, name)
 
 
 def _cell(cell: Any) -> str:
-    if isinstance(cell, float):
-        return f"<td class=\"number\">{cell:.4g}</td>"
-    if isinstance(cell, int):
-        return f"<td class=\"number\">{cell}</td>"
-    return f"<td>{'–' if cell is None else html.escape(str(cell))}</td>"
+    return "–" if cell is None else f"{cell:.4g}" if isinstance(cell, float) else str(cell)
+
+
+ENVIRONMENT = Environment(autoescape=True, loader=FunctionLoader(
+    lambda name: (HERE / name).read_text(encoding="utf-8")))
+ENVIRONMENT.filters["cell"] = _cell
 
 
 def draw_reliability(p: np.ndarray, level: np.ndarray) -> Figure:

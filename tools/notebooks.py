@@ -33,6 +33,8 @@ def main() -> None:
         book = nbformat.read(path, as_version=4)
         with TemporaryDirectory() as folder:
             execute(book, Path(folder))
+        for cell in book.cells:                       # but their progress
+            cell.get("outputs", [])[:] = [one for one in cell.get("outputs", []) if one.get("name") != "stderr"]
         nbformat.write(book, path)
         print(path.name)
 

@@ -8,24 +8,24 @@
 Each name is imported on first use: `import truearc` itself loads neither NumPy nor JAX.
 """
 
-import ast
-from importlib import import_module
-from pathlib import Path
-from typing import Any
+import ast as _ast
+from importlib import import_module as _import_module
+from pathlib import Path as _Path
+from typing import Any as _Any
 
 # name -> the module that it is imported from when it is first used: the imports of the stub that static tools read
-_MODULES = {name.name: str(line.module) for line in ast.parse(Path(__file__).with_suffix(".pyi").read_bytes()).body
-            if isinstance(line, ast.ImportFrom) for name in line.names}
+_MODULES = {name.name: str(line.module) for line in _ast.parse(_Path(__file__).with_suffix(".pyi").read_bytes()).body
+            if isinstance(line, _ast.ImportFrom) for name in line.names}
 __all__ = sorted(_MODULES)
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> _Any:
     if name == "__version__":
         from importlib.metadata import version
-        value: Any = version("truearc")
+        value: _Any = version("truearc")
     elif name in _MODULES:
         module = _MODULES[name]
-        value = import_module(f"{module}.{name}") if name == "paper" else getattr(import_module(module), name)
+        value = _import_module(f"{module}.{name}") if name == "paper" else getattr(_import_module(module), name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = value

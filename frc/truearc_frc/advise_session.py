@@ -109,7 +109,8 @@ def _aim_of(args: argparse.Namespace, config: Config) -> tuple[bytes | None, dic
         elif args.belief:
             import truearc as ta
             known = ta.load_belief(args.belief)
-            ta.export_aim(ta.aim(known, config.rig), known, config.rig, path, note=args.belief.name)
+            table = ta.aim(known, config.rig, progress=lambda done, note: None)
+            ta.export_aim(table, known, config.rig, path, note=args.belief.name)
         else:
             return None, {}
         return path.read_bytes(), {"": load_aim_for(path, config)}

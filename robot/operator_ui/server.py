@@ -27,7 +27,10 @@ from socket import AF_INET, AF_INET6, SHUT_RDWR, SO_SNDBUF, SOL_SOCKET, gethostn
 from typing import Any, NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
+import cv2
 import msgspec
+import numpy as np
+import numpy.typing as npt
 
 from truearc.hw.protocols import Clock
 from truearc.hw.real.clock import MonotonicClock
@@ -37,7 +40,8 @@ from truearc.robot.operator_ui import what_if as asking
 from truearc.robot.operator_ui.aim_inbox import MAX_AIM_BYTES, AimOrders
 from truearc.robot.operator_ui.view import Glance, describe, look
 from truearc.robot.operator_ui.what_if import WhatIfProcess
-from truearc.robot.types import Tick
+from truearc.robot.reasons import text
+from truearc.robot.types import Sighting, Tick
 
 MAX_CONNECTIONS = 96                  # of all clients; each is a thread, together 5 MB
 MAX_OF_ADDRESS = 48                   # far more than all its places: a request has 0.1 s before 48 later ones end it
@@ -45,7 +49,7 @@ CROWDED_NS = 2_000_000                # between two clients when there are too m
 REQUEST_NS = 5_000_000_000            # for a whole request: an aim file of 256 KiB at half a megabit per second
 PATIENCE_S = 2.0                      # for a client to accept each part of an answer
 # A page loads nothing from anywhere, and other sites' pages get nothing from here.
-POLICY = ("default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src 'self' data:; "
+POLICY = ("default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src 'self' data: blob:; "
           "connect-src 'self'")
 WILD = ("", "0.0.0.0", "::")
 CLOCK = MonotonicClock()
@@ -198,9 +202,19 @@ REFUSED_S = 0.2                       # before a browser hears that it has no pl
 ASKING = Places(8, 2)                 # for questions to the gate, which answers one at a time
 BEHIND_BYTES = 16384                  # of events that may wait for a slow browser; the system doubles it
 DISCARD_BYTES = 1 << 16               # of a question that is too long; who sends more may not see why it was refused
+PICTURE_S = 0.2                       # between two camera pictures, for all browsers together
+SHARPNESS = 70                        # of their JPEG
+FOUND_BGR, NOTE_BGR = (94, 201, 98), (77, 77, 239)
 ASKED, KEPT, ACCEPTED, KIND = "/predict", "/aim", "/accept", "application/json"
 LIMITS = {("POST", ASKED): asking.MAX_BODY_BYTES, ("POST", ACCEPTED): asking.MAX_BODY_BYTES,
           ("PUT", KEPT): MAX_AIM_BYTES}
+
+
+Look = Callable[[], tuple[Sighting, npt.NDArray[np.uint8]] | None]
+
+
+def look_nowhere() -> None:
+    """Stand in for a camera that is not there."""
 
 
 class OperatorPage:
@@ -217,6 +231,9 @@ class OperatorPage:
         self._config, self._recording, self._clock = config, recording, clock
         self._glance = Glance()
         self._telling = threading.Lock()          # among browsers alone
+        self._seeing = threading.Lock()
+        self._look: Look = look_nowhere
+        self._picture: tuple[int, bytes] = (0, b"")
         self._told: tuple[int, bytes] = (0, b"")
         self.over = threading.Event()
         self._server = PageServer(host, port, self, what_if, orders)
@@ -240,12 +257,39 @@ class OperatorPage:
                 self._told = glance.seq, b"data: " + data + b"\n\n"
             return self._told
 
+    def see(self, look: Look) -> None:
+        """Take camera pictures from there, whenever a browser asks for one."""
+        self._look = look
+
+    def picture(self) -> bytes:
+        """Return the newest camera image with the detection drawn, as JPEG, new every PICTURE_S; empty without one."""
+        with self._seeing:
+            now_ns = self._clock.now_ns()
+            if not self._picture[1] or now_ns - self._picture[0] >= PICTURE_S * 1e9:
+                seen = self._look()
+                self._picture = now_ns, self._picture[1] if seen is None else draw_sighting(*seen)
+            return self._picture[1]
+
     def close(self) -> None:
         self.over.set()
         self._server.shutdown()
         self._server.server_close()
         if isinstance(self._server.what_if, WhatIfProcess):
             self._server.what_if.close()
+
+
+def draw_sighting(sighting: Sighting, image: npt.NDArray[np.uint8]) -> bytes:
+    """Return the image as JPEG, with the target's outline and distance, or why it was not found."""
+    drawn = image.copy()
+    if sighting.corners_px:
+        outline = np.rint(np.array(sighting.corners_px)).astype(np.int32)
+        cv2.polylines(drawn, [outline.reshape(-1, 1, 2)], True, FOUND_BGR, 2, cv2.LINE_AA)
+    note = "" if sighting.reason is None else text(sighting.reason)
+    if sighting.distance_m is not None:
+        note = f"{sighting.distance_m:.2f} m"
+    cv2.putText(drawn, note, (8, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.7, NOTE_BGR if sighting.reason else FOUND_BGR, 2,
+                cv2.LINE_AA)
+    return bytes(cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, SHARPNESS])[1])
 
 
 def open_page(text: str, config: Config, recording: str, clock: Clock,
@@ -300,6 +344,9 @@ class _Handler(LocalHandler):
             self.give(200, "text/html; charset=utf-8", make_page(self.server.page is not None))
         elif path == "/events" and self.server.page is not None:
             self._admit(self.server.page)
+        elif path == "/picture" and self.server.page is not None:
+            picture = self.server.page.picture()
+            self.give(*((200, "image/jpeg", picture) if picture else (404, "text/plain", b"no camera picture here")))
         elif path == "/gate":
             self._give_answer(asking.make_answer({}) if self.server.what_if is None
                               else self._ask(self.server.what_if.facts))

@@ -175,6 +175,15 @@ class Here(Struct, frozen=True):
     hood_deg: float | None
 
 
+class Live(Struct, frozen=True):
+    """Numbers that the page plots against their set points; None where unknown or not asked for."""
+
+    wheels_rad_s: tuple[float | None, ...]        # motor speeds
+    wheels_wanted_rad_s: float | None
+    hood_deg: float | None
+    hood_wanted_deg: float | None
+
+
 class Offer(Struct, frozen=True):
     """An aim file that awaits the driver; `is_open`: the launcher is disarmed, so that it may be accepted."""
 
@@ -194,6 +203,7 @@ class PageView(Struct, frozen=True):
     blocks: tuple[Block, ...]
     here: Here
     offer: Offer | None
+    live: Live
 
 
 def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> PageView:
@@ -207,7 +217,13 @@ def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> Page
     belief = tick.estimate
     return PageView(glance.seq, round(tick.inputs.t_ns * NS, 3), "FIRE" if fire else "HOLD", _tone(tick, fire, told),
                     told, blocks, Here(*map(_finite, (belief.distance_m, belief.motor_ratio, belief.hood_deg))),
-                    _offer(tick))
+                    _offer(tick), _live(tick, config))
+
+
+def _live(tick: Tick, config: Config) -> Live:
+    wanted = tick.aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
+    return Live(tuple(_finite(one.velocity_rad_s) for one in tick.inputs.flywheels), _finite(wanted or None),
+                _finite(tick.estimate.hood_deg), _finite(tick.aim.hood_deg) if wanted else None)
 
 
 def _as_shown(reason: Reason, glance: Glance, tick: Tick, config: Config) -> Reason:

@@ -143,11 +143,13 @@ def _shown(value: object) -> str:
 class WhatIf:
     """Answers queries with one gate, one at a time, at most `rate_per_s` configurations per second.
 
-    threshold: minimum p_three. free_speed_rad_s: of the motors, None if unknown.
+    threshold: minimum p_three. free_speed_rad_s: of the motors, None if unknown. name:
+    of the gate, as the page says it.
     """
 
     def __init__(self, gate: Gate, threshold: float, free_speed_rad_s: float | None, clock: Clock,
-                 rate_per_s: int = RATE_PER_S) -> None:
+                 rate_per_s: int = RATE_PER_S, name: str = "") -> None:
+        self._name = name
         self._gate, self._threshold, self._clock, self._rate_per_s = gate, threshold, clock, rate_per_s
         self._free_speed_rad_s = free_speed_rad_s
         self._lock = threading.Lock()
@@ -155,8 +157,8 @@ class WhatIf:
 
     def facts(self) -> Answer:
         return make_answer({
-            "sha256": self._gate.sha256, "threshold": self._threshold, "novelty_limit": NOVELTY_LIMIT,
-            "free_speed_rad_s": self._free_speed_rad_s, "rate_per_s": self._rate_per_s,
+            "sha256": self._gate.sha256, "name": self._name, "threshold": self._threshold,
+            "novelty_limit": NOVELTY_LIMIT, "free_speed_rad_s": self._free_speed_rad_s, "rate_per_s": self._rate_per_s,
             "features": [{"name": feature.name, "low": feature.low, "high": feature.high, "domain": domain}
                          for feature, domain in zip(FEATURES, self._gate.domain, strict=True)]})
 

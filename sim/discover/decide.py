@@ -33,14 +33,7 @@ names that one linear step cannot distinguish from a member and that are at leas
 the tracker that explain equally well what has changed since an earlier session. If one name remains, the verdict is
 *named*; if several remain, it is *set*, and `form_of` chooses the sentence.
 
-**No effect.** The verdict is *none*, and there is no set. The first row that applies decides how the sentence begins
-(`opening_of`):
-
-| these shots | sentence |
-|---|---|
-| show an error of the tracker, in one number or in one of several, which the finding's `tracker` lists | *tracker* |
-| could not have shown, at their usual size, most of the terms that affect anything recorded | *blind* |
-| otherwise | *none* |
+**No effect.** The verdict is *none*, and there is no set.
 
 **Adoption.** The candidates are everything that was found and then the effects with a name alone; the first candidate
 that no row refuses is adopted.
@@ -59,7 +52,7 @@ gain in points lies above 0. Otherwise the present belief stays.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from scipy.special import logsumexp
@@ -69,7 +62,6 @@ from truearc.sim.discover.detect.battery import ALLOWANCE, Asked, Judged, ask_ev
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import Place, locate
 from truearc.sim.discover.finding import Adoption, FitSummary
-from truearc.sim.discover.identifiability import UNTOUCHED, Sight, TermIdentifiability
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis, weigh
 from truearc.sim.discover.select.terms import CREDIBLE_SD, MOST_USUAL, NEVER, SURE, Naming, name_terms
 from truearc.sim.infer.intervals import NumberChange
@@ -448,15 +440,6 @@ def verdict_of(first: Step, fitted: LauncherFit, home: LauncherFit | None) -> Ju
     if rivals:
         terms = tuple(dict.fromkeys((*(one.name.partition(".")[0] for one in rivals), *terms)))
     return Judgement("named" if len(terms) == 1 else "set", terms, rivals)
-
-
-def opening_of(errors: Sequence[Any], sight: Sight, blind: Sequence[TermIdentifiability]) -> str:
-    """Return how a sentence without an effect begins: tracker | blind | none.
-
-    errors: sets of the tracker's errors; blind: terms that could not have been detected at their usual size.
-    """
-    asked, unseen = (sum(one.why != UNTOUCHED for one in terms) for terms in (sight.terms, blind))
-    return "tracker" if errors else "blind" if unseen > LIKELY * asked else "none"
 
 
 def form_of(members: Sequence[float]) -> str:

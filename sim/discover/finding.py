@@ -176,6 +176,23 @@ class Adoption(Struct, frozen=True):
     hit_points: float | UnsetType = UNSET          # of the best hit; absent where that is three
 
 
+class Story(Struct, frozen=True, omit_defaults=True):
+    """A finding in sentences for people, in the order in which they are told; "" where there is nothing to tell."""
+
+    change: str                       # what changed or is missing, with size and interval; or what could not be seen
+    where: str = ""                   # where it shows
+    worth: str = ""                   # in points per ball, or in the error of forecasts
+    sure: str = ""                    # how sure, and what else it may be
+    next: str = ""                    # the one thing to do next
+    also: tuple[str, ...] = ()        # further effects, and changes of the tracker
+    limits: tuple[str, ...] = ()      # doubts about the fit
+
+    @property
+    def text(self) -> str:
+        """Everything but what to do next."""
+        return " ".join(filter(None, (self.change, self.where, self.worth, self.sure, *self.also, *self.limits)))
+
+
 class FindingRecord(Struct, frozen=True):
     """Every figure of a finding, as its JSON file has it."""
 
@@ -183,7 +200,7 @@ class FindingRecord(Struct, frozen=True):
     mismatch: Mismatch                # whether simulation and data differ
     where: Where                      # location of the mismatch
     verdict: str                      # named | set | unknown | none
-    sentence: str                     # for people
+    sentence: str                     # the story's sentences but the last, joined
     unknown: Unknown | None           # if no candidate term explains the effect
     fit: FitSummary | None            # value of the correction on hold-out shots
     schema: str = SCHEMA              # truearc.finding/1
@@ -195,6 +212,12 @@ class FindingRecord(Struct, frozen=True):
     adoption: Adoption | UnsetType = UNSET         # absent if nothing was found, or without a target
     tracker: FoundEffect | UnsetType = UNSET       # errors of its calibration, or changes since `since`
     withheld: str | UnsetType = UNSET              # why an effect that a term explains has no name
+    story: Story | UnsetType = UNSET               # `sentence` in parts; absent in files of earlier versions
+
+    @property
+    def told(self) -> Story:
+        """The story; of a file without one, its sentence."""
+        return Story(self.sentence) if isinstance(self.story, UnsetType) else self.story
 
 
 def load_record(path: str | Path) -> FindingRecord:

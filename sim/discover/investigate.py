@@ -32,6 +32,7 @@ from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.finding import FALSE_ALARM, SIGN_DRAWS, Adoption, FindingRecord
 from truearc.sim.discover.report.build_finding import make_finding, silent
 from truearc.sim.discover.report.finding_text import say_limits, say_odd
+from truearc.sim.discover.report.story import retell
 from truearc.sim.discover.select import simulations as worth
 from truearc.sim.discover.select.simulations import Freed, Mixed, all_freed, mixed, shares, track_errors
 from truearc.sim.discover.select.terms import SURE, by_own_prior
@@ -97,14 +98,14 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     model = Launcher.of(dataset, names, among, belief)
     model = replace(model, layout=replace(model.layout, measured=measured or {}))
     if not len(model.data.rows):
-        return Investigation(silent(dataset, model.data, names, false_alarm, among), catalogue=among)
+        return Investigation(silent(dataset, model.data, names, false_alarm), catalogue=among)
     fitted = fit_believed(model, lambda done, note: progress(0.3 * done, note))
     home = (None if since is None or belief is None or (has_room(belief) and not model.data.filmed) else
             _at_home(since, belief, names, model.layout))
     search = make_search(dataset, false_alarm, seed, home)
     asked, judged = detect(fitted, search, lambda done, note: progress(0.3 + 0.2 * done, note))
     if not asked.tests:
-        return Investigation(silent(dataset, model.data, names, false_alarm, among), catalogue=among)
+        return Investigation(silent(dataset, model.data, names, false_alarm), catalogue=among)
     place = locate(fitted.scores, asked, judged, false_alarm, search.shots, seed)
     steps: tuple[Step, ...] = ()
     if judged.p_any <= false_alarm:
@@ -119,15 +120,15 @@ def with_worth(investigation: Investigation) -> Investigation:
     """Return the same with what is adopted of it, and its finding with its worth in points."""
     if not investigation.steps or investigation.fitted is None:
         return investigation
-    choice, found = judge_adoption(investigation), investigation.finding
+    choice, found, limits = judge_adoption(investigation), investigation.finding, []
     if new := {name: at for name, at in choice.at_limit.items() if name not in found.data.at_limit}:
-        data = structs.replace(found.data, at_limit=found.data.at_limit | new)
-        found = structs.replace(found, data=data, sentence=found.sentence + say_limits(new))
+        found = structs.replace(found, data=structs.replace(found.data, at_limit=found.data.at_limit | new))
+        limits.append(say_limits(new))
     if not choice.trial.empty:
-        said = say_odd(launcher.odd_places(choice.trial.scores, investigation.catalogue).values())
-        found = structs.replace(found, sentence=found.sentence + said)
+        limits.append(say_odd(launcher.odd_places(choice.trial.scores, investigation.catalogue).values()))
     if choice.points is not None:
         found = structs.replace(found, adoption=structs.replace(choice.points, refused=choice.why or None))
+    found = retell(found, investigation.catalogue, limits)
     return replace(investigation, finding=found, choice=choice)
 
 

@@ -6,12 +6,24 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from truearc.sim.report import NO_ORIGIN, PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
+from truearc.sim.report import (
+    BEFORE,
+    GREY,
+    INK,
+    NO_ORIGIN,
+    PHONE_IN,
+    Origin,
+    make_page,
+    new_panels,
+    paragraph,
+    picture,
+    table,
+)
 from truearc.sim.sysid.fit import Floats, SysidFit
 from truearc.sim.sysid.sysid_text import UNITS, WORDS
 
 EFFORT = {"nm": "torque, Nm", "v": "voltage, V"}
-INK, LINE, BAND, MISS = "#1a1c20", "#1f5fa8", "#e8edf4", "#b3261e"
+MISS = "#b3261e"
 
 
 def draw_fit(fit: SysidFit) -> Figure:
@@ -25,9 +37,9 @@ def draw_fit(fit: SysidFit) -> Figure:
         axes.tick_params(labelbottom=False)
     effort.step(record.effort_t_s, record.effort, where="post", color=INK, linewidth=0.9)
     effort.set_ylabel(EFFORT[record.unit])
-    speed.plot(record.speed_t_s, record.speed_rad_s, color="#9aa3af", linewidth=2.6, label="measured")
+    speed.plot(record.speed_t_s, record.speed_rad_s, color=GREY, linewidth=2.6, label="measured")
     at_s, forecast = _with_gaps(record.speed_t_s[rows], fit.forecast_rad_s, rows)
-    speed.plot(at_s, forecast, color=LINE, linewidth=1.0, label="forecast from efforts alone")
+    speed.plot(at_s, forecast, color=BEFORE, linewidth=1.0, label="forecast from efforts alone")
     speed.set_ylabel("speed, rad/s")
     speed.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0, fontsize=8.5)
     missed = record.speed_rad_s[rows] - fit.forecast_rad_s
@@ -37,7 +49,8 @@ def draw_fit(fit: SysidFit) -> Figure:
         axes.set(xlabel=name, ylabel="measured - forecast,\nrad/s")
     for piece in fit.pieces[1::2]:
         for axes in (effort, speed, residual):
-            axes.axvspan(record.speed_t_s[piece.first], record.speed_t_s[piece.last - 1], color=BAND, zorder=0)
+            axes.axvspan(record.speed_t_s[piece.first], record.speed_t_s[piece.last - 1], color=GREY, alpha=0.2, lw=0,
+                         zorder=0)
     return figure
 
 
@@ -53,7 +66,7 @@ def make_fit_page(title: str, fits: Mapping[str, SysidFit], gains: str, notes: S
                  UNITS[fit.record.unit][number.name]) for number in fit.numbers.values()]
         caption = ("Shaded: every other piece. Each third of the pieces is forecast by a fit without it; each run is "
                    "simulated from its start, with nothing but the effort to go by.")
-        sections.append((joint, picture(make_png(draw_fit(fit)), f"{joint}: effort, speed and residual", caption)
+        sections.append((joint, picture(draw_fit(fit), f"{joint}: effort, speed and residual", caption)
                          + table(("", "", "value", "90 % from", "to", "unit"), rows)))
     return make_page(title, verdict, [*sections, *(("", paragraph(note, dim=True)) for note in notes)], origin)
 

@@ -44,6 +44,17 @@ def loaded(tmp_path: Path) -> ta.Dataset:
     return ta.load_dataset(tmp_path / "d")
 
 
+def test_every_result_with_a_table_gives_it_to_pandas() -> None:
+    frames = pytest.importorskip("pandas")
+    sight = ta.identifiability(FACTS, shots=20)
+    for result in (sight, sight.table()):
+        frame = result.to_pandas()
+        assert isinstance(frame, frames.DataFrame) and frame["term"].tolist() == sight.table().column("term")
+    assert "<table>" in sight._repr_html_() and "<pre>" in sight._repr_html_()
+    named = [getattr(ta, name) for name in dir(ta) if isinstance(getattr(ta, name), type)]
+    assert all(hasattr(one, "to_pandas") for one in named if callable(getattr(one, "table", None)))
+
+
 @pytest.mark.parametrize("kind", [plain, pandas, lambda columns: pandas(columns).convert_dtypes(), polars, numpy])
 def test_every_kind_of_table_gives_what_the_files_give(kind, loaded) -> None:
     made = ta.dataset(shots=kind(SHOTS), tracks=kind(TRACKS), traces=kind(TRACES), rig=FACTS, name="d")

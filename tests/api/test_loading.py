@@ -36,7 +36,7 @@ def test_golden_findings_are_read_and_told(path: Path) -> None:
     finding = ta.load_finding(path)
     assert (finding.verdict, finding.sentence) == (read["verdict"], read["sentence"])
     assert [one.term for one in finding.effects] == [one["term"] for one in read["what"]]
-    assert str(finding).startswith(f"{finding.sentence}\n") and finding._repr_html_().startswith("<p><b>")
+    assert str(finding).startswith(f"{finding.change}\n") and finding._repr_html_().startswith("<p><b>")
     assert finding.to_json().encode() == path.read_bytes()
     assert finding.record.mismatch.found == (finding.verdict != "none") and finding.record.data.shots > 0
 

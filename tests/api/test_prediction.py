@@ -92,7 +92,7 @@ def test_topspin_presses_the_ball_down() -> None:
     shots = {"shot_id": base.shots.shot_id, **base.shots.numbers, "miss_height_m": height}
     found = ta.discover(ta.dataset(shots, rig=rig), believe=["gravity", "drag"])
     assert found.best is not None and found.best.term == "magnus" and found.best.value > 0.0
-    assert "topspin presses the ball down" in found.sentence and "backspin" not in found.sentence
+    assert found.change.startswith("Topspin presses the ball down") and "ackspin" not in found.sentence
 
 
 def test_each_shots_own_ball_is_flown() -> None:

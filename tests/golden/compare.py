@@ -36,7 +36,7 @@ COUNTED = {"*p_value": 0.001, "*p_alone": 0.001, "mismatch.families.*": 0.001,  
 PROSE = ("*sentence", "*.reason", "*.reasons", "next.*.what", "*truearc", "*version", "*file_sha256", "*maker",
          "*config_sha256")
 # Keys that results have gained since proof-1; the references lack them.
-ADDED = ("next.*.instrument", "next.*.record", "next.*.covariate", "adoption.*",
+ADDED = ("next.*.instrument", "next.*.record", "next.*.covariate", "adoption.*", "story.*",
          "recorded.*")             # of training.json
 # Aliased terms tie to the last bit, which decides which of them is stated: `release_height`, `target_height`. Of terms
 # and sets the order is not compared, and which of them a shot separates for presence only.

@@ -170,7 +170,7 @@ def test_the_door_writes_gains_that_the_robot_shoots_with(session, tmp_path, cap
     assert main(["sysid", str(session), "-o", str(gains), "--report", str(page), "--quiet"]) == 0
     out = capsys.readouterr().out
     assert out == gains.read_text(encoding="utf-8") and "R^2" in out
-    assert page.read_text(encoding="utf-8").count("data:image/png") == 2
+    assert page.read_text(encoding="utf-8").count("<svg ") == 2
     assert main(["sysid", str(session), "-o", str(gains), "--quiet"]) == 2
     assert "exists already" in capsys.readouterr().err and SHIPPED.read_bytes() == before
     config = merged(out)

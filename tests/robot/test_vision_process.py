@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from tests.waiting import SetClock
 from truearc.cli.common import SHIPPED
-from truearc.cli.run_processes import ThreeProcesses
+from truearc.cli.run_processes import ThreeProcesses, look_again
 from truearc.hw.emulated.camera import PictureServer
 from truearc.hw.fault_codes import CAMERA_SILENT, PROCESS_KILLED
 from truearc.hw.protocols import CameraFrame, LinkLost
@@ -79,6 +79,18 @@ def test_sightings_come_over_to_the_bit_and_what_is_lost_stays_so():
     assert said == [see(frame(7)), *[gone.reason] * 3, see(frame(8))]
     said, picture = told(CameraFrame(1, np.zeros((7, 8, 3), np.uint8)))
     assert said[0].code == VISION_FAILED.name and "there is room for" in said[0].params["detail"] and picture is None
+
+
+def test_a_screen_looks_at_what_vision_saw_beside_the_robot():
+    memory = bytearray(ROOM.bytes)
+    slots, robot = Slots(memory, ROOM), FarEyes(Slots(memory, ROOM), lambda: None, SetClock(1_000_000_000))
+    screen = Slots(memory, ROOM)
+    assert look_again(screen) is None
+    looks = iter([False, True])
+    watch(Views(frame(7)), see, slots, SetClock(1_000_000_000), lambda wait_s: next(looks))
+    sighting, image = look_again(screen)
+    assert sighting == see(frame(7)) == robot.read() and (image == 7).all()
+    assert look_again(screen) is None                       # nothing new
 
 
 def test_vision_that_fails_or_does_not_stir_says_so():

@@ -1,6 +1,8 @@
 """Jobs in threads, printed tables, report pages, and statistics against other libraries."""
 
 import csv
+import io
+import sys
 import threading
 import time
 from importlib.metadata import version
@@ -12,7 +14,7 @@ from scipy.stats import binomtest
 from sklearn.metrics import brier_score_loss, f1_score, log_loss
 
 from truearc.sim.compute import each_core
-from truearc.sim.printed import make_text, save_csv
+from truearc.sim.printed import make_text, save_csv, show_progress
 from truearc.sim.report import Origin, make_page
 from truearc.sim.statistics import calibration_error, figures_of, invert, reliability, wilson
 from truearc_proof.table import Table, make_markdown
@@ -69,6 +71,38 @@ def test_csv_comes_back_as_it_was(tmp_path) -> None:
     with (tmp_path / "t.csv").open(encoding="utf-8", newline="") as file:
         assert list(csv.reader(file)) == [["a", "b, c"], ["1", "x \"y\""], ["", "0.1"]]
     assert b"\r" not in (tmp_path / "t.csv").read_bytes()
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(("stream", "quiet", "shown"), [
+    (Terminal, None, True), (Terminal, True, False), (io.StringIO, None, False), (io.StringIO, False, True)])
+def test_progress_shows_the_time_left(monkeypatch, stream, quiet, shown):
+    """By default on a terminal only; a command that is not quiet also writes lines to a file."""
+    now_s, said = [100.0], stream()
+    monkeypatch.setattr("truearc.hw.real.clock.MonotonicClock.now_ns", lambda self: int(now_s[0] * 1e9))
+    monkeypatch.setattr(sys, "stderr", said)
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+    progress = show_progress("discover", quiet)
+    for done in (0.0, 0.1, 0.25, 0.5, 1.0):
+        now_s[0] = 100.0 + 40.0 * done
+        progress(done, "looking")
+    assert bool(said.getvalue()) == shown
+    if shown:
+        assert "discover:  25%, 30 s left  looking" in said.getvalue()
+        assert "discover:  50%, 20 s left" in said.getvalue()
+        assert said.getvalue().rstrip(" ").endswith("\n") and "100%" in said.getvalue()
+
+
+def test_a_default_bar_is_silent_about_what_takes_no_time(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", said := Terminal())
+    progress = show_progress("fit")
+    progress(0.5, "")
+    progress(1.0, "done")
+    assert said.getvalue() == ""
 
 
 def body_of(page: str) -> str:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from msgspec import json, structs
 
 from truearc.api.arguments import check_kind, names_of
-from truearc.api.results import FindingReport, Table
+from truearc.api.results import FindingReport, Table, Tabular
 from truearc.errors import InputError, about, save_whole
 from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
@@ -24,13 +24,13 @@ from truearc.sim.discover.identifiability import Sight, foresee, foresee_dataset
 from truearc.sim.discover.investigate import Investigation, make_belief, with_worth
 from truearc.sim.discover.next_steps import can_design, make_design
 from truearc.sim.discover.report import pages
-from truearc.sim.discover.report.finding_text import console_lines
+from truearc.sim.discover.report.story import console_lines
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.likelihood.layout import Measurement, check_believed, column_of
 from truearc.sim.infer.track_forecast import known_of
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
-from truearc.sim.printed import Printed, Progress
+from truearc.sim.printed import Progress, show_progress
 from truearc.sim.report import Origin
 
 IN_PYTHON = "made in Python"          # in place of a command line
@@ -56,13 +56,15 @@ class Finding(FindingReport):
         """Every figure of the answer, as the JSON schema truearc.finding/1 has it."""
         return self.investigation.finding
 
-    def to_html(self, path: str | Path, *, made_at: str | None = None, command: str = IN_PYTHON) -> None:
+    def to_html(self, path: str | Path, *, made_at: str | None = None, command: str = IN_PYTHON,
+                truth: Mapping[str, float] | None = None) -> None:
         """Write the whole report as one HTML file; OSError where it cannot be written.
 
         made_at, command: date (None: now) and command line for its head, beside the version and the hash of the data.
+        truth: true amplitudes by term, where they are known, to show beside those found.
         """
         origin = Origin(wall_clock() if made_at is None else made_at, command)
-        save_whole(path, pages.make_report(self.name, self.investigation, origin).encode())
+        save_whole(path, pages.make_report(self.name, self.investigation, origin, truth).encode())
 
     def plot_residuals(self) -> Figure:
         """Plot residuals against the covariate of the first effect, before and after including the effect.
@@ -108,7 +110,7 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
              terms: Iterable[Term] | None = None, since: Dataset | None = None,
              measured: Mapping[str, tuple[float, float]] | None = None, seed: int = 0,
              false_alarm: float = settings.FALSE_ALARM, accept: Collection[str] = (),
-             progress: Progress = lambda done, note: None) -> Finding:
+             progress: Progress | None = None) -> Finding:
     """Test whether a dataset disagrees with the simulation, locate the mismatch, and rank the terms that explain it.
 
     Args:
@@ -123,7 +125,7 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
         seed: Seed of all random draws; the same data and seed give the same finding.
         false_alarm: Probability of a finding if nothing is missing, 0.002 to 1.
         accept: Names of plausibility checks (truearc.sim.check) whose objections are accepted; recorded.
-        progress: Called with the share done, 0 to 1, and a note.
+        progress: Called with the share done, 0 to 1, and a note; None: a bar with the time left.
 
     Code is compiled in each process; set JAX_COMPILATION_CACHE_DIR to keep it on disk.
 
@@ -144,7 +146,7 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
     if belief is not None and (other := belief.other_rig(dataset.rig)):
         dataset = replace(dataset, accepted=(*dataset.accepted, f"the belief was {other}"))
     since = None if since is None else check_plausible(since, accept)
-    found = engine.discover(dataset, names, false_alarm, seed, progress, belief, since,
+    found = engine.discover(dataset, names, false_alarm, seed, progress or show_progress("discover"), belief, since,
                             _measured(measured or {}, among), among)
     hashed = structs.replace(found.finding.data, sha256=hash_dataset(dataset))
     found = replace(found, finding=structs.replace(found.finding, data=hashed))
@@ -175,7 +177,7 @@ def _measured(measured: Mapping[str, tuple[float, float]], among: Catalogue) -> 
 
 
 @dataclass(frozen=True)
-class Identifiability(Printed):
+class Identifiability(Tabular):
     """Detectability of each term with shots of a kind. `name`: of the rig or dataset; `sight`: all figures; `sha256`:
     hash of the dataset's or rig's content."""
 
@@ -216,7 +218,7 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
                     believe: Iterable[str | Term] | None = None, terms: Iterable[Term] | None = None,
                     sides: bool = False, seed: int | None = None, name: str | None = None,
                     accept: Collection[str] = (),
-                    progress: Progress = lambda done, note: None) -> Identifiability:
+                    progress: Progress | None = None) -> Identifiability:
     """Compute which terms shots could reveal, before any result is known.
 
     Args:
@@ -229,12 +231,13 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
         seed: Seed of the planned season, or of the heights of shots without results; None: 0.
         name: Name in the report; None: the dataset's name, or "rig".
         accept: Names of plausibility checks whose objections are accepted.
-        progress: Called with the share done, 0 to 1, and a note.
+        progress: Called with the share done, 0 to 1, and a note; None: a bar with the time left.
 
     Raises:
         InputError: an implausible rig or dataset, an unknown level or term, too few shots, a target that is missing or
             out of reach, level or shots given with a dataset, or sides or seed given with a dataset that has results.
     """
+    progress = progress or show_progress("identifiability")
     check_kind("rig_or_dataset", rig_or_dataset, (Rig, Dataset), "load_rig(...) or truearc.load_dataset(...)")
     rig = rig_or_dataset.rig if isinstance(rig_or_dataset, Dataset) else rig_or_dataset
     data = rig_or_dataset if isinstance(rig_or_dataset, Dataset) else Dataset("", rig, Shots((), {}, {}))
@@ -256,7 +259,7 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
 
 
 @dataclass(frozen=True)
-class ShotDesign(Printed):
+class ShotDesign(Tabular):
     """Shots that would best separate the remaining candidate terms.
 
     `sentence`, `verdict`: those of the finding. `plan`: plain values as in schema truearc.design/1; empty if there are
@@ -326,4 +329,4 @@ def design_shots(dataset: Dataset, found: Finding, *, shots: int = settings.PLAN
         plan = pages.design_table(made, dataset.in_order(), steps[0], among)
     elif record.verdict == "none" and record.next:
         plan = {"next": [dict(step) for step in record.next]}
-    return ShotDesign(record.sentence, record.verdict, plan, among, record.data.level)
+    return ShotDesign(record.told.change, record.verdict, plan, among, record.data.level)

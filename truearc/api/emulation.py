@@ -5,13 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from truearc.api.results import Table
+from truearc.api.results import Table, Tabular
 from truearc.robot.config.schema import Config
 from truearc.robot.config.targets import Target
 from truearc.robot.reasons import text
 from truearc.robot.recording.session import load_trials
 from truearc.robot.runtime import Screen
-from truearc.sim.printed import Printed, Progress
+from truearc.sim.printed import Progress, show_progress
 from truearc.sim.world import emulated_robot as engine
 from truearc.sim.world.field import BallResult
 from truearc.sim.world.options import Options
@@ -20,7 +20,7 @@ KINDS = ("three", "two-high", "two", "two-low", "miss-high", "miss-low", "miss-l
 
 
 @dataclass(frozen=True)
-class Emulation(Printed):
+class Emulation(Tabular):
     """Result of each ball that the emulated robot launched. `where`: its session folder, or its bus; `held`: number of
     held trials for each reason, by one of its texts; target: of the configuration."""
 
@@ -44,7 +44,7 @@ class Emulation(Printed):
 
 
 def emulate(config: Config, folder: str | Path, trials: int, seed: int, options: Options | None = None,
-            gate_path: Path | None = None, progress: Progress = lambda done, note: None,
+            gate_path: Path | None = None, progress: Progress | None = None,
             page: Screen | None = None, aim_path: Path | None = None) -> Emulation:
     """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world.
 
@@ -55,7 +55,7 @@ def emulate(config: Config, folder: str | Path, trials: int, seed: int, options:
         seed: Seed of the world and the driver.
         options: Differences of the world from the rig of the configuration; None: no difference.
         gate_path: ONNX gate that must agree before the robot fires; sets the policy to "model".
-        progress: Called with the share done, 0 to 1, and a note.
+        progress: Called with the share done, 0 to 1, and a note; None: a bar with the time left.
         page: Screen that shows the ticks, such as the operator page; time then runs no faster than real time.
         aim_path: Aim file (`truearc aim --robot`) to use; sets the aim policy to "belief".
 
@@ -68,7 +68,8 @@ def emulate(config: Config, folder: str | Path, trials: int, seed: int, options:
         OSError: the session cannot be written.
     """
     folder = Path(folder)
-    balls = tuple(engine.emulate(config, folder, trials, seed, options, gate_path, progress, page, aim_path=aim_path))
+    balls = tuple(engine.emulate(config, folder, trials, seed, options, gate_path,
+                                 progress or show_progress("emulate"), page, aim_path=aim_path))
     return Emulation(folder, balls, _held(folder), config.rig.target)
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from truearc.api.arguments import check_kind, joined, names_of
-from truearc.api.results import Table
+from truearc.api.results import Table, Tabular
 from truearc.errors import InputError, whole_file
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
@@ -25,7 +25,7 @@ from truearc.sim.infer.track_forecast import ERROR, known_of
 from truearc.sim.paper import STEP
 from truearc.sim.paper.grid_fit import GridFit, Score, draw_map, explain, fit_grid, map_deviation, provenance_of, score
 from truearc.sim.physics.term import LINEAR, Term, from_scale
-from truearc.sim.printed import Printed, Progress, make_text
+from truearc.sim.printed import Progress, make_text, show_progress
 from truearc.sim.statistics import Z90
 
 COLUMNS = ("parameter", "value", "low90", "high90", "unit", "closed")
@@ -34,7 +34,7 @@ POOLED_COLUMNS = ("parameter", "value", "low90", "high90", "unit", "differs", "d
 
 
 @dataclass(frozen=True, eq=False)
-class Fit(Printed):
+class Fit(Tabular):
     """Maximum a posteriori (MAP) estimates of terms, launch scatter and tracker errors.
 
     `intervals`: 90 % profile intervals, one per parameter, in its own unit; empty if the search did not converge.
@@ -88,7 +88,7 @@ class Fit(Printed):
 
 
 @dataclass(frozen=True, eq=False)
-class GridSearch(Printed):
+class GridSearch(Tabular):
     """Result of the paper's search: the drag and lift coefficients that reproduce the most outcomes.
 
     `step`: grid step. `solution`: the whole map, the tied pairs and the chosen one. `accuracy`: of the chosen pair.
@@ -134,17 +134,17 @@ class GridSearch(Printed):
 
 @overload
 def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: Literal["map"] = "map",
-        accept: Collection[str] = ..., progress: Progress = ...) -> Fit: ...
+        accept: Collection[str] = ..., progress: Progress | None = ...) -> Fit: ...
 
 
 @overload
 def fit(dataset: Dataset, *, method: Literal["grid"], step: float = STEP, accept: Collection[str] = ...,
-        progress: Progress = ...) -> GridSearch: ...
+        progress: Progress | None = ...) -> GridSearch: ...
 
 
 def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: str = "map",
         step: float | None = None, accept: Collection[str] = (),
-        progress: Progress = lambda done, note: None) -> Fit | GridSearch:
+        progress: Progress | None = None) -> Fit | GridSearch:
     """Fit parameters of the physics to all data of a dataset.
 
     Args:
@@ -155,7 +155,7 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
             lift by outcomes alone; terms do not apply.
         step: Grid only: step between neighbouring coefficients; divides 5.
         accept: Names of plausibility checks (truearc.sim.check) whose objections are accepted; recorded.
-        progress: Called with the share done, 0 to 1, and a note.
+        progress: Called with the share done, 0 to 1, and a note; None: a bar with the time left.
 
     Returns:
         Fit, or GridSearch for "grid"; both have `.belief` and `.table()` and print as a report.
@@ -168,13 +168,13 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
     if method == "map":
         if step is not None:
             raise InputError("step: method 'map' makes no use of it; method 'grid' does")
-        return _fit_map(dataset, terms, progress)
+        return _fit_map(dataset, terms, progress or show_progress("fit"))
     if method != "grid":
         raise InputError(f"method: there is no {method!r}; there are 'map' and 'grid'")
     if terms is not None:
         raise InputError("terms: method 'grid' makes no use of them; method 'map' does")
     step = STEP if step is None else step
-    found = fit_grid(dataset.rig, dataset.shots, step, progress)
+    found = fit_grid(dataset.rig, dataset.shots, step, progress or show_progress("fit"))
     return GridSearch(dataset, step, found, score(dataset.rig, found.coefficients, dataset.shots))
 
 
@@ -197,7 +197,7 @@ def _fit_map(dataset: Dataset, terms: Iterable[str | Term] | None, progress: Pro
 
 
 @dataclass(frozen=True, eq=False)
-class Pooled(Printed):
+class Pooled(Tabular):
     """Pooled numbers of several rigs or sessions, with their common values and differences.
 
     `fits`: the members' fits, in order. `names`: the pooled numbers. `solution`: the posterior, on their scales.

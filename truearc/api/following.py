@@ -11,7 +11,7 @@ from msgspec import UNSET, UnsetType, structs
 from truearc.api.arguments import check_kind
 from truearc.api.discovery import Finding, discover
 from truearc.api.forecasting import AimTable, aim
-from truearc.api.results import Table
+from truearc.api.results import Table, Tabular
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.targets import SIDES_UP
@@ -34,7 +34,7 @@ COLUMNS = ("shot", "e_value", "alarm")
 
 
 @dataclass(frozen=True, eq=False)
-class Following(Printed):
+class Following(Tabular):
     """The marked shots since a belief, in order, and the test for a change.
 
     dataset: the shots; belief: the tested belief; test: e-values after each shot; false_alarm: probability of an alarm
@@ -74,7 +74,7 @@ class Following(Printed):
         """Whether there was an alarm and enough shots have followed the change to identify it."""
         return self.since is not None and len(self.test.rows) - self.since + 1 >= FEWEST_SINCE
 
-    def find(self, progress: Progress = lambda done, note: None) -> Finding:
+    def find(self, progress: Progress | None = None) -> Finding:
         """Run discovery on the shots since the change.
 
         Raises:
@@ -151,7 +151,7 @@ class Proposed(Printed):
 
 def propose(following: Following, finding: Finding, rig: Rig, files: tuple[settings.BeliefFile, str],
             distances_m: Iterable[float] | None = None,
-            progress: Progress = lambda done, note: None) -> Proposed:
+            progress: Progress | None = None) -> Proposed:
     """Make a proposal from the finding on the shots since the change.
 
     files: the file of the present belief, and the name for the file of the proposed one.

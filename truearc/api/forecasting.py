@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from truearc.api.arguments import check_kind
-from truearc.api.results import Table
+from truearc.api.results import Table, Tabular
 from truearc.errors import InputError, naming, whole_file
 from truearc.model_export.verify import HEADER as RATING_COLUMNS
 from truearc.model_export.verify import rate_shots
@@ -38,7 +38,7 @@ from truearc.sim.infer.landing_forecast import forecast_landings
 from truearc.sim.infer.likelihood.data import every_column
 from truearc.sim.infer.track_forecast import forecast_flights
 from truearc.sim.physics.simulate import forecast
-from truearc.sim.printed import Printed, Progress, make_text
+from truearc.sim.printed import Progress, make_text, show_progress
 from truearc.sim.statistics import Z90
 
 ROUNDING = 1e-6                       # of a fitted range: a converted unit is not outside it
@@ -56,7 +56,7 @@ FARTHEST_M = 100.0
 
 def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path | None = None,
             tracks: float | None = None, accept: Collection[str] = (),
-            progress: Progress = lambda done, note: None) -> Table:
+            progress: Progress | None = None) -> Table:
     """Forecast each shot of a dataset with a belief or an exported gate.
 
     Args:
@@ -66,7 +66,7 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
         tracks: Forecast flights instead: from the first such share of each track's samples, at the times of the others
             (1: from all, every 0.02 s on to the floor); 0: from settings alone, from release to plane or floor.
         accept: Names of plausibility checks whose objections are accepted.
-        progress: Called with the share done, 0 to 1, and a note.
+        progress: Called with the share done, 0 to 1, and a note; None: a bar with the time left.
 
     Returns:
         A row per shot. With a belief: shot_id, height_m at the target plane above the floor [m], deviation_m from the
@@ -97,7 +97,7 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
         return Table(TRACK_COLUMNS, tuple(
             (dataset.shots.shot_id[one.row], *map(float, numbers)) for one in flights
             for numbers in np.column_stack([one.t_s, one.place_m, Z90 * one.sd_m])))
-    flown = _flown(dataset, belief, progress)
+    flown = _flown(dataset, belief, progress or show_progress("predict"))
     other, first = belief.other_rig(dataset.rig), next(iter(flown.values()))
     notes = ["; ".join(filter(None, (note, other))) for note in _notes(dataset.shots, first, belief.provenance)]
     rows = zip(dataset.shots.shot_id, *flown.values(), notes, strict=True)
@@ -133,7 +133,7 @@ def _flown(dataset: Dataset, belief: Belief, progress: Progress) -> dict[str, Se
 
 
 @dataclass(frozen=True)
-class AimTable(Printed):
+class AimTable(Tabular):
     """Set points by ascending distance, and the distances without a scoring set point, with the reason; the target."""
 
     rows: tuple[AimRow, ...]
@@ -220,7 +220,7 @@ FORMATS: dict[str, Callable[[AimTable], str]] = {"text": str, "csv": AimTable.to
 
 def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
         hood_deg: tuple[float, float] | None = None, accept: Collection[str] = (),
-        progress: Progress = lambda done, note: None) -> AimTable:
+        progress: Progress | None = None) -> AimTable:
     """Find the hood angle and motor speed with the most expected points for each distance.
 
     The height at the target, or the place where the ball comes down at one that faces up, is normally distributed about
@@ -235,7 +235,7 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
         distances_m: Distances from exit to target; None: every 0.25 m of the belief's fitted range, else of 2 to 7 m.
         hood_deg: Lowest and highest launch elevation; None: the belief's fitted range, or else 20 to 70.
         accept: Names of plausibility checks whose objections to the rig are accepted.
-        progress: Called with the share done, 0 to 1, and a note.
+        progress: Called with the share done, 0 to 1, and a note; None: a bar with the time left.
 
     Returns:
         A row per distance; distances without a scoring set point are listed with the reason. The outer opening counts
@@ -257,7 +257,8 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
         raise InputError(f"hood_deg: got {hood_deg!r}; expected lowest and highest in degrees") from error
     if not -90.0 < low <= high < 90.0:
         raise InputError(f"hood_deg: {low:g} to {high:g}; it must ascend, between -90 and 90")
-    rows, refused = make_rows(rig, belief, _distances(distances_m, known), (low, high), progress)
+    rows, refused = make_rows(rig, belief, _distances(distances_m, known), (low, high),
+                              progress or show_progress("aim"))
     if other := belief.other_rig(rig):
         rows = tuple(row._replace(note="; ".join(filter(None, (row.note, other)))) for row in rows)
     assert rig.target is not None     # or no set point scores

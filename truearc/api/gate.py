@@ -21,7 +21,7 @@ from truearc.sim.gate import train
 from truearc.sim.gate.model import PhysicsGate, physics_of, save_physics_gate
 from truearc.sim.infer.belief import Belief
 from truearc.sim.paper.network import domain_of
-from truearc.sim.printed import Printed, Progress
+from truearc.sim.printed import Printed, Progress, show_progress
 from truearc.sim.report import draw_reliability
 from truearc.sim.statistics import Figures
 
@@ -88,7 +88,7 @@ class GateTraining(Printed):
 
 
 def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0, accept: Collection[str] = (),
-               progress: Progress = lambda done, note: None) -> GateTraining:
+               progress: Progress | None = None) -> GateTraining:
     """Train a gate from the belief's forecast of each shot, a small learned correction and a calibrated spread.
 
     The gate learns from all shots. Hold-out figures leave out each fifth of the configurations in turn.
@@ -98,7 +98,7 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0, accept: Colle
         belief: Coefficients of a fit or finding; with scatter and covariance it also forecasts the spread.
         seed: Seed of the folds.
         accept: Names of plausibility checks whose objections are accepted; recorded.
-        progress: Called with the share done, 0 to 1, and a note.
+        progress: Called with the share done, 0 to 1, and a note; None: a bar with the time left.
 
     Raises:
         InputError: implausible data, a negative seed, or no usable shots.
@@ -112,7 +112,8 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0, accept: Colle
     name = dataset.shots.source
     shots = dataset.in_order().shots
     marks, left_out = train.outcome_classes_of(shots, name, dataset.rig.target)
-    gate, folds = train.train_physics_gate(dataset.rig, belief, shots, seed, name, progress)
+    gate, folds = train.train_physics_gate(dataset.rig, belief, shots, seed, name,
+                                           progress or show_progress("train"))
     return GateTraining(gate, folds, tuple(left_out), marks, _record(dataset, belief, seed, marks, gate, folds))
 
 

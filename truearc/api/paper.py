@@ -21,7 +21,7 @@ from truearc.sim.paper.network import accuracy, save_weights
 from truearc.sim.paper.sweep import Mean, SweepNetwork, SweepScore, SweepSetting, Verdict
 from truearc.sim.paper.synthetic import load_provenance, say_synthetic, write_synthetic
 from truearc.sim.paper.train_many import Trained, train_many
-from truearc.sim.printed import Printed, Progress, make_text, save_csv
+from truearc.sim.printed import Printed, Progress, make_text, save_csv, show_progress
 from truearc.sim.report import make_png
 
 __all__ = ["NetworkSweep", "NetworkTraining", "Recipe", "Shares", "check_plausible", "load_provenance", "say_synthetic",
@@ -85,7 +85,7 @@ class NetworkSweep(Printed):
 def sweep_networks(real: Dataset, simulated: Dataset | None, sizes: Sequence[int], weights: Sequence[float], *,
                    seeds: int = 20, coefficients: Any = None, recipe: Recipe | None = None,
                    shares: Shares | None = None, seed: int = 0,
-                   progress: Progress = lambda done, note: None) -> NetworkSweep:
+                   progress: Progress | None = None) -> NetworkSweep:
     """Train the paper's network with each number and weight of simulated shots, and compare them on hold-out shots.
 
     Args:
@@ -98,7 +98,7 @@ def sweep_networks(real: Dataset, simulated: Dataset | None, sizes: Sequence[int
         recipe: Step size, maximum steps and patience; None: the defaults.
         shares: Shares of hold-out and validation shots; None: the defaults. Its weight and epochs do not apply.
         seed: The first of the seeds.
-        progress: Called with the share done, 0 to 1, and a note.
+        progress: Called with the share done, 0 to 1, and a note; None: a bar with the time left.
 
     Raises:
         InputError: an invalid size, weight or share, or too few shots.
@@ -108,7 +108,7 @@ def sweep_networks(real: Dataset, simulated: Dataset | None, sizes: Sequence[int
     rows, notes = rows_of(real, real.name)
     extra, more = (None, []) if simulated is None else rows_of(simulated, simulated.name)
     networks = sweeps.plan(rows, extra, settings, range(seed, seed + seeds), shares.holdout, shares.validation)
-    trained = train_many([network.job for network in networks], recipe, progress)
+    trained = train_many([network.job for network in networks], recipe, progress or show_progress("train"))
     scores = [sweeps.judge(network, one) for network, one in zip(networks, trained, strict=True)]
     verdict = sweeps.compare(scores, settings)
     best = verdict.best if verdict else settings[0]

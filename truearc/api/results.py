@@ -16,7 +16,7 @@ from truearc.robot.config.schema import Config
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import Trial, load_header, load_session_config, load_trials
 from truearc.robot.types import Tick
-from truearc.sim.discover.finding import FindingRecord, Interval, Named, load_record, make_json
+from truearc.sim.discover.finding import FindingRecord, Interval, Named, Story, load_record, make_json
 from truearc.sim.printed import Printed, make_text
 
 EFFECT_COLUMNS = ("term", "probability", "value", "low90", "high90", "unit", "stage")
@@ -78,6 +78,21 @@ def _text(cell: Any) -> str:
     return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
 
 
+class Tabular(Printed):
+    """A result with a table."""
+
+    @abstractmethod
+    def table(self) -> Table:
+        """Return the result's numbers, row by row."""
+
+    def to_pandas(self) -> Any:
+        """Return the table as a pandas DataFrame; ModuleNotFoundError if pandas is not installed."""
+        return self.table().to_pandas()
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>{self.table()._repr_html_()}"
+
+
 @dataclass(frozen=True)
 class Effect:
     """Candidate term for an effect that the simulation lacks.
@@ -100,7 +115,7 @@ class Effect:
     change: Interval | None = None
 
 
-class FindingReport(Printed):
+class FindingReport(Tabular):
     """The figures of a finding, and its report."""
 
     @property
@@ -115,8 +130,23 @@ class FindingReport(Printed):
 
     @property
     def sentence(self) -> str:
-        """The verdict as a sentence: the missing effect, its size, and its value on hold-out shots."""
+        """The story as one text: what changed, where, what it is worth, how sure; not what to do next."""
         return self.record.sentence
+
+    @property
+    def story(self) -> Story:
+        """The story in parts: change, where, worth, sure, next; also and limits are tuples of sentences."""
+        return self.record.told
+
+    @property
+    def change(self) -> str:
+        """What changed or is missing, with its size and 90 % interval; or that nothing was found."""
+        return self.story.change
+
+    @property
+    def next(self) -> str:
+        """The one thing to do next; "" if there is none. `record.next` has all steps."""
+        return self.story.next
 
     @property
     def p_value(self) -> float | None:
@@ -159,9 +189,9 @@ class FindingReport(Printed):
         return make_json(self.record).decode()
 
     def _repr_html_(self) -> str:
-        head, *rest = map(html.escape, self.lines())
-        return (f"<p><b>{self.verdict}</b>: {head}</p>{self.table()._repr_html_() if self.effects else ''}"
-                f"<pre>{chr(10).join(rest)}</pre>")
+        from truearc.sim.report import render  # loads Matplotlib
+        table = self.table()._repr_html_() if self.effects else ""
+        return render("cell.html", told=self.story, table=table, lines="\n".join(self.lines()))
 
 
 @dataclass(frozen=True)
@@ -180,7 +210,7 @@ class SavedFinding(FindingReport):
 
     def lines(self) -> list[str]:
         """Return the report, as for a new finding."""
-        from truearc.sim.discover.report.finding_text import console_lines  # loads SciPy and JAX; reading needs neither
+        from truearc.sim.discover.report.story import console_lines  # loads SciPy and JAX; reading needs neither
         return console_lines(self.saved)
 
 

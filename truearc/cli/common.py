@@ -12,7 +12,6 @@ import re
 import shutil
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.limits import warn_of_pitch
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import CameraFile, Config, load_config, load_toml
-from truearc.sim.printed import Progress
+from truearc.sim.printed import Progress, show_progress
 
 if TYPE_CHECKING:
     from truearc.sim.physics.catalogue import Catalogue
@@ -140,24 +139,8 @@ def catalogue_of(args: argparse.Namespace) -> "Catalogue":
 
 
 def make_progress(what: str, quiet: bool = False) -> Progress:
-    """Return a function of (share done 0-1, note) that shows how far `what` is; does nothing when quiet.
-
-    Progress is one line on stderr, rewritten on a terminal, rare lines elsewhere.
-    """
-    if quiet:
-        return lambda done, note: None
-    live = sys.stderr.isatty()
-    last = [0.0]
-
-    def show(done: float, note: str = "") -> None:
-        now = time.monotonic()
-        if done < 1.0 and now - last[0] < (0.2 if live else 5.0):
-            return
-        last[0] = now
-        end = "\n" if done >= 1.0 or not live else ""
-        print(("\r" if live else "") + f"{what}: {done:4.0%} {note}".ljust(78), end=end, file=sys.stderr, flush=True)
-
-    return show
+    """Return a function of (share done 0-1, note) that shows how far `what` is; does nothing when quiet."""
+    return show_progress(what, quiet)
 
 
 def load_any_rig(path: str) -> Rig:

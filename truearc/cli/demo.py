@@ -5,6 +5,7 @@ import secrets
 import textwrap
 import time
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,9 +50,10 @@ def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     _say(f"the envelope's SHA-256: {envelope.sha256}")
     event = acting.play_event(config.rig, practice, envelope.effect.options, seed, 2 + envelope.number, sizes,
                        make_progress("event", args.quiet))
-    _say(f"{_marks(event)}. The gate, trained in practice, only advised: it would have held "
-         f"{_share_held(folder, config, practice, event, seed):.0%} of them")
-    _say(event.finding.sentence)
+    ta.train_gate(practice.shots, practice.adopted, seed=seed, progress=make_progress("gate", args.quiet)).export(
+        folder / "gate.onnx")
+    _say(f"{_marks(event)}. What practice taught the gate: truearc serve {folder / 'gate.onnx'}")
+    _say(event.finding.change)
     write_out(folder / "envelope.txt", envelope.text)
     _say(f"the envelope is opened: {envelope.effect.name} (sha256sum {folder / 'envelope.txt'}); in the words of a "
          f"finding: {envelope.effect.truth}")
@@ -61,12 +63,11 @@ def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     _say(f"{_marks(control)}. Verdict: {control.finding.verdict}")
     acts = {"practice": practice, "event": event, "control": control}
     origin = origin_of(args)
-    _keep(folder, acts, origin)
+    _keep(folder, acts, origin, envelope.effect.terms)
     page = acting.save_page(folder, acts, envelope, origin._replace(sha256=hash_dataset(event.shots)))
-    print("\n== what was wrong, how large, and what it was worth")
-    print("\n".join(acting.answer(acts, envelope.effect)))
-    _say(acting.say_limits(event, control))
-    print(f"page: {page}; the same again: --seed {seed}   ({time.monotonic() - began:.0f} s)")
+    print(f"\n== page: {page}; the same again: --seed {seed}   ({time.monotonic() - began:.0f} s)")
+    for what, line in acting.tell(acts, envelope.effect):
+        print(f"{what}: {line}")
     return 0
 
 
@@ -80,17 +81,9 @@ def _practise(folder: Path, config: Config, seed: int, sizes: "Sizes", quiet: bo
     act = practise(config.rig, seed, sizes, recorded, make_progress("practice", quiet))
     before, after = act.volleys
     _say(f"aimed with the paper's physics (gravity, drag, lift) {before.threes} of {before.balls} balls score three")
-    _say(act.finding.sentence)
+    _say(act.finding.change)
     _say(f"aimed again with that: {after.threes} of {after.balls}")
     return act
-
-
-def _share_held(folder: Path, config: Config, practice: "Act", event: "Act", seed: int) -> float:
-    """Share of the event's marked shots that a gate trained in practice holds."""
-    ta.train_gate(practice.shots, practice.adopted, seed=seed).export(folder / "gate.onnx")
-    rated = ta.predict(event.shots, gate=folder / "gate.onnx").rows
-    held = sum(not inside or (p_three or 0.0) < config.gate.threshold for _, _, p_three, inside, _ in rated)
-    return int(held) / len(rated)
 
 
 def _marks(act: "Act") -> str:
@@ -101,12 +94,13 @@ def _marks(act: "Act") -> str:
             f"{sides['high']} high")
 
 
-def _keep(folder: Path, acts: "dict[str, Act]", origin: "Origin") -> None:
+def _keep(folder: Path, acts: "dict[str, Act]", origin: "Origin", truth: Mapping[str, float]) -> None:
     """Write each act's shots, finding and belief, for the commands that read them."""
     for name, act in acts.items():
         ta.save_dataset(folder / "data" / name, act.shots)
         act.adopted.save(folder / f"{name}.toml")
-        act.finding.to_html(folder / f"{name}.html", made_at=origin.made_at, command=origin.command)
+        act.finding.to_html(folder / f"{name}.html", made_at=origin.made_at, command=origin.command,
+                            truth=truth if name == "event" else None)
 
 
 def _say(text: str) -> None:

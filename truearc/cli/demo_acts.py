@@ -22,8 +22,10 @@ from truearc.robot.config.rig_spec import Rig, Site
 from truearc.sim.aim.solve import best_ratios
 from truearc.sim.data.dataset import join_datasets
 from truearc.sim.discover.report.finding_text import either, interval_of, plain, size_of
-from truearc.sim.printed import Progress, make_text, part_of
-from truearc.sim.report import COLOURS, PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
+from truearc.sim.discover.report.flights import draw_flights
+from truearc.sim.discover.report.pages import Drawn, names_of
+from truearc.sim.printed import Progress, part_of
+from truearc.sim.report import BEFORE, GREY, PHONE_IN, Origin, make_page, make_svg, new_panels
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import ORDINARY, ShotSetting, play_season, seen_distance_m
 
@@ -48,9 +50,6 @@ APART = 1000                          # world seeds of one seed from the next on
 HEAD = ("", "what was wrong", "what the robot found", "threes", "points per ball")
 SEEN = "could not have shown"         # what a finding of nothing says of the effects that it is blind to
 LISTED = 3                            # names in a row
-MARKS = {("three", ""): "o", ("two", ""): "o", ("two", "low"): "v", ("two", "high"): "^", ("miss", "low"): "v",
-         ("miss", "high"): "^"}
-BEFORE, AFTER = "#9aa3af", "#1f5fa8"
 
 
 class WorldChange(NamedTuple):
@@ -134,8 +133,8 @@ def practise(rig: Rig, seed: int, sizes: Sizes, recorded: ta.Dataset | None, pro
     shots = shots if recorded is None else join_datasets(recorded, shots)
     shots = replace(shots, facts=structs.replace(shots.rig, site=Site(indoor=True)))
     finding = ta.discover(shots, believe=PAPER, seed=seed, progress=part_of(progress, 0.2, 0.5))
-    paper = ta.fit(shots, PAPER).belief
-    before = ta.aim(paper, rig, distances_m=DISTANCES_M, hood_deg=AIMED_DEG)
+    paper = ta.fit(shots, PAPER, progress=part_of(progress, 0.7, 0.02)).belief
+    before = ta.aim(paper, rig, distances_m=DISTANCES_M, hood_deg=AIMED_DEG, progress=part_of(progress, 0.72, 0.01))
     return _judge(rig, Options(), own + 1, sizes, shots, finding, paper, before, progress)
 
 
@@ -155,7 +154,8 @@ def _judge(rig: Rig, options: Options, seed: int, sizes: Sizes, shots: ta.Datase
     """Adopt, aim, and shoot the same balls from the same places with the aim of before and that of after."""
     try:
         adopted = finding.adopt()
-        after = ta.aim(adopted, rig, distances_m=DISTANCES_M, hood_deg=AIMED_DEG)
+        after = ta.aim(adopted, rig, distances_m=DISTANCES_M, hood_deg=AIMED_DEG,
+                       progress=part_of(progress, 0.73, 0.02))
     except ta.InputError:             # nothing to adopt, or nothing scores by it: the robot keeps its aim
         adopted, after = believed, before
     progress(0.75, "aimed again")
@@ -215,9 +215,21 @@ def _settings(good: np.ndarray, count: int, *columns: np.ndarray) -> list[ShotSe
 Acts = Mapping[str, Act]              # practice, event, control
 
 
-def answer(acts: Acts, effect: WorldChange) -> list[str]:
-    """Return a table of what was wrong, what was found with its size, and what that was worth."""
-    return make_text(HEAD, _rows(acts, effect))
+def tell(acts: Acts, effect: WorldChange) -> list[tuple[str, str]]:
+    """Return what happened in five lines: (what, sentence)."""
+    practice, event, control = acts["practice"], acts["event"], acts["control"]
+    before, after = event.volleys
+    quiet = "found nothing" if control.finding.verdict == "none" else f"gave a false alarm ({control.finding.verdict})"
+    learned = {"none": "nothing", "unknown": "that something is missing"}.get(
+        practice.finding.verdict, plain(practice.finding.best.term) if practice.finding.best else "")
+    return [("The robot", f"practised {len(practice.shots.shots)} shots, learned {learned}, and scored "
+                          f"{practice.volleys[1].threes} threes of {practice.volleys[1].balls} balls"
+                          f" instead of {practice.volleys[0].threes}."),
+            ("Hidden", f"{effect.name}; no sensor saw it."),
+            ("Found", f"{event.finding.change.rstrip('.')}, from {len(event.shots.shots)} marked shots."),
+            ("How large", f"{_found(event)}; the truth: {effect.truth}."),
+            ("Worth", f"{before.per_ball:.2f} to {after.per_ball:.2f} points a ball ({before.threes} to {after.threes} "
+                      f"threes of {after.balls}); where nothing had changed it {quiet}.")]
 
 
 def _rows(acts: Acts, effect: WorldChange) -> list[Sequence[str]]:
@@ -241,7 +253,7 @@ def _found(act: Act) -> str:
 def say_limits(event: Act, control: Act) -> str:
     """Return one line on what the marked shots cannot separate, and what they could not have shown."""
     alike = [plain(one.term) for one in (*event.finding.effects[:1], *event.finding.alternatives)]
-    blind = control.finding.sentence.partition(SEEN)[2].partition("; best next")[0].partition(". ")[0]
+    blind = control.finding.change.partition(SEEN)[2].rstrip(".")
     line = f"These marks cannot tell {either(alike[:LISTED + 1], 'from')}. " if len(alike) > 1 else ""
     unseen = f"{'They' if line else 'These marks'} {SEEN}{blind}." if blind else ""
     return line + unseen or "Marks do not show in which part a difference arises."
@@ -249,50 +261,31 @@ def say_limits(event: Act, control: Act) -> str:
 
 def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> Path:
     """Write index.html; return its path."""
-    effect, event = envelope.effect, acts["event"]
+    effect, event, lines = envelope.effect, acts["event"], tell(acts, envelope.effect)
     before, after = (one.per_ball for one in event.volleys)
-    verdict = (f"At the event something had changed that no sensor saw ({effect.name}): {before:.2f} points per ball, "
-               f"and {after:.2f} once the robot had aimed again after {len(event.shots.shots)} marked shots.")
-    aim = event.aims[1].plot()
-    aim.set_size_inches(PHONE_IN, 1.5 * PHONE_IN)
-    sections = [
-        ("What it was worth", picture(make_png(_draw_worth(acts)), "points per ball before and after")),
-        ("What the marks showed", picture(make_png(_draw_marks(event)), "outcomes of the marked shots")),
-        ("The aim after that", picture(make_png(aim), "hood, motor speed and chances over distance")),
-        ("In numbers", table(HEAD, _rows(acts, effect)) + paragraph(say_limits(event, acts["control"]))),
-        ("What was found", "".join(paragraph(f"{name}: {act.finding.sentence}")
-                                   + f'<p><a href="{name}.html">all of it</a></p>' for name, act in acts.items())),
-        ("Fine print", paragraph(
-            "All balls were shot by the emulated robot: a part of practice through its runtime, images and CAN frames, "
-            "the rest by the same MuJoCo world without them. Before and after are the same balls from the same places. "
-            f"Envelope: {envelope.text}; SHA-256 {envelope.sha256}.", dim=True))]
+    verdict = (f"Something had changed that no sensor saw ({effect.name}): {before:.2f} points per ball, {after:.2f}"
+               f" once the robot had aimed again after {len(event.shots.shots)} marked shots.")
+    flown = draw_flights(event.finding.investigation)
+    pictures = [] if flown is None else [Drawn(make_svg(flown, "flights at the event"), "Flights at the event: as "
+                                               "believed after practice (blue), and as found (orange).")]
+    pictures.append(Drawn(make_svg(_draw_worth(acts), "points per ball before and after"),
+                          "Points per ball before and after, in practice, at the event and where nothing had changed."))
     page = folder / "index.html"
-    page.write_text(make_page("truearc demo", verdict, sections, origin), encoding="utf-8")
+    page.write_text(make_page(
+        "truearc demo", verdict, [], origin, "demo.html", lines=lines, pictures=pictures,
+        names=names_of(event.finding.record, event.finding.investigation.catalogue, effect.terms)[:LISTED],
+        acts=list(acts), header=HEAD, rows=_rows(acts, effect), limits=say_limits(event, acts["control"]),
+        envelope=envelope), encoding="utf-8")
     return page
 
 
 def _draw_worth(acts: Acts) -> Figure:
-    figure, (axes,) = new_panels(PHONE_IN, 3.4)
+    figure, (axes,) = new_panels(PHONE_IN, 3.0)
     for row, act in enumerate(acts.values()):
-        for shift, volley, colour in zip((-0.2, 0.2), act.volleys, (BEFORE, AFTER), strict=True):
+        for shift, volley, colour in zip((-0.2, 0.2), act.volleys, (GREY, BEFORE), strict=True):
             axes.barh(row + shift, volley.per_ball, color=colour, height=0.38)
             axes.text(volley.per_ball - 0.05, row + shift, f"{volley.per_ball:.2f}", va="center", ha="right",
                       color="white", weight="bold")
     axes.set_yticks(range(len(acts)), acts)
     axes.set(xlim=(0.0, 3.0), ylim=(2.6, -0.6), xlabel="points per ball: before (grey), after (blue)")
-    return figure
-
-
-def _draw_marks(act: Act) -> Figure:
-    figure, (axes,) = new_panels(PHONE_IN, 3.8)
-    shots = act.shots.shots
-    marks = list(zip(shots.text("outcome"), shots.text("side"), strict=True))
-    for mark, marker in MARKS.items():
-        rows = [row for row, one in enumerate(marks) if one == mark]
-        if not rows:
-            continue
-        axes.scatter(shots.number("distance_m")[rows], shots.number("hood_deg")[rows], color=COLOURS[mark[0]],
-                     marker=marker, label=f"{' '.join(filter(None, mark))}: {len(rows)}")
-    axes.set(xlabel="distance, m", ylabel="hood, deg")
-    axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure

@@ -267,7 +267,7 @@ def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = (
 
 def _adopt(found: "ta.Finding", dataset: str, path: Path) -> str:
     """Write the belief that the finding leads to; a line that says what it has."""
-    from truearc.sim.discover.report.finding_text import say_adopted
+    from truearc.sim.discover.report.story import say_adopted
     with about("--adopt"):
         belief = found.adopt()
     replace(belief, provenance={**belief.provenance, "dataset": dataset}).save(path)

@@ -147,7 +147,8 @@ def make_server(args: argparse.Namespace) -> "PageServer":
     gate, config = load_gate(args.gate), load_config(args.config or common.SHIPPED)
     threshold = config.gate.threshold if args.threshold is None else args.threshold
     free_speed_rad_s = config.rig.launcher.free_speed_rad_s if args.config else None
-    what_if = WhatIf(gate, threshold, free_speed_rad_s, MonotonicClock(), LAPTOP_RATE_PER_S)
+    what_if = WhatIf(gate, threshold, free_speed_rad_s, MonotonicClock(), LAPTOP_RATE_PER_S,
+                     args.gate.name)
     try:
         return PageServer(args.host, args.port, None, what_if)
     except OSError as error:

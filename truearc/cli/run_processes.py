@@ -8,6 +8,8 @@ from pathlib import Path
 
 import cv2
 import msgspec
+import numpy as np
+import numpy.typing as npt
 
 from truearc.errors import about
 from truearc.hw.protocols import NS_PER_S, CameraFrame, Clock, LinkLost
@@ -15,10 +17,10 @@ from truearc.hw.real.clock import MonotonicClock, wall_offset_ns
 from truearc.hw.real.processes import Capacity, Child, Inbox, Line, Outbox, Slots, make_shared
 from truearc.hw.real.wires import MendedCamera, open_camera
 from truearc.robot.config.schema import Config, RecordingConfig
-from truearc.robot.eyes import Eyes, FarEyes, InlineEyes, make_room, open_eyes, relay, tell, watch
+from truearc.robot.eyes import Eyes, FarEyes, InlineEyes, News, make_room, open_eyes, relay, tell, watch
 from truearc.robot.recording import files, upkeep
 from truearc.robot.recording.writer import NEWS, Desk, FarKeeper, Keeper, LaneKeeper
-from truearc.robot.runtime import OpenScreen, Recorder, Screen, with_screen
+from truearc.robot.runtime import OpenScreen, Recorder, Screen, SeeingScreen, with_screen
 from truearc.robot.types import Sighting, Tick
 from truearc.robot.vision import find_target
 
@@ -31,6 +33,7 @@ class OneProcess:
 
     def __init__(self, config: Config, wires: ExitStack, open_screen: OpenScreen | None = None) -> None:
         self._config, self._wires, self._open_screen = config, wires, open_screen
+        self._eyes: InlineEyes | None = None
 
     def open_eyes(self, clock: Clock) -> Eyes:
         """Open the configuration's camera, which may be connected later."""
@@ -40,7 +43,8 @@ class OneProcess:
         cv2.setNumThreads(1)
         camera = open_mended(self._config, clock)
         self._wires.callback(camera.close)
-        return InlineEyes(camera, make_see(self._config))
+        self._eyes = InlineEyes(camera, make_see(self._config))
+        return self._eyes
 
     def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
         """Make a recording's folder and open its files; OSError or InputError if that fails."""
@@ -52,6 +56,8 @@ class OneProcess:
         screen = None if self._open_screen is None else self._open_screen(MonotonicClock())
         if screen is not None:
             self._wires.callback(screen.close)
+        if self._eyes is not None and isinstance(screen, SeeingScreen):
+            screen.see(self._eyes.look)
         return with_screen(recorder, screen)
 
     def lines(self) -> list[str]:
@@ -71,7 +77,7 @@ class ThreeProcesses:
         self._sightings = Slots(memory, room)
         self.vision = Child("vision", look, (config, memory, room), restarts=True, mortal=True)
         wires.callback(self.vision.close, CLOSE_S)
-        self.recorder = RecorderProcess(wires, open_screen, config.recording)
+        self.recorder = RecorderProcess(wires, open_screen, config.recording, (memory, room))
 
     def open_eyes(self, clock: Clock) -> Eyes:
         self.vision.wait()
@@ -91,11 +97,12 @@ class RecorderProcess:
     """Process that writes files until the control process ends or dies, which it must outlive."""
 
     def __init__(self, wires: ExitStack, open_screen: OpenScreen | None = None,
-                 limits: RecordingConfig | None = None) -> None:
-        """`limits`: what earlier sessions may take."""
+                 limits: RecordingConfig | None = None, seen: tuple[object, Capacity] | None = None) -> None:
+        """`limits`: what earlier sessions may take; `seen`: memory of the vision process, for the screen's pictures."""
         ours, self._theirs = socket.socketpair()
         memory = make_shared(NEWS.bytes)
-        self.child = Child("recorder", write, (self._theirs, memory, open_screen, limits), restarts=False, mortal=False)
+        self.child = Child("recorder", write, (self._theirs, memory, open_screen, limits, seen), restarts=False,
+                           mortal=False)
         self._outbox, self._news = Outbox(ours), Slots(memory, NEWS)
         wires.callback(self._theirs.close)        # last: a process that is just being started still takes it over
         wires.callback(self.child.close, CLOSE_S)
@@ -132,17 +139,28 @@ def look(line: Line, is_first: bool, config: Config, memory: object, room: Capac
 
 
 def write(line: Line, is_first: bool, end: socket.socket, memory: object,
-          open_screen: OpenScreen | None, limits: RecordingConfig | None = None) -> None:
+          open_screen: OpenScreen | None, limits: RecordingConfig | None = None,
+          seen: tuple[object, Capacity] | None = None) -> None:
     """Run the recorder process until the control process ends or dies."""
     cv2.setNumThreads(1)
     inbox, clock = Inbox(end), MonotonicClock()
     screen = None if open_screen is None else open_screen(clock)
+    if seen is not None and isinstance(screen, SeeingScreen):
+        screen.see(partial(look_again, Slots(*seen)))
     desk = Desk(Slots(memory, NEWS), clock, make_show(screen), partial(upkeep.start_pruning, limits, now_unix_s))
     line.say(None)
     desk.serve(inbox)
     inbox.close()
     if screen is not None:
         screen.close()
+
+
+def look_again(slots: Slots) -> tuple[Sighting, npt.NDArray[np.uint8]] | None:
+    """Return what vision reported last, with its image; None if there is none, or it is being overwritten."""
+    text = slots.read()
+    sighting = None if text is None else msgspec.json.decode(text, type=News).sighting
+    image = None if sighting is None else slots.image()
+    return None if sighting is None or image is None else (sighting, image)
 
 
 def now_unix_s() -> float:

@@ -15,7 +15,7 @@ from truearc.sim.data.files import hash_dataset
 from truearc.sim.data.table import OUTCOMES
 from truearc.sim.paper.sweep import SweepSetting
 from truearc.sim.printed import save_csv
-from truearc.sim.report import COLOURS, NO_ORIGIN, Origin, make_page, make_png, new_figure, paragraph, picture, table
+from truearc.sim.report import COLOURS, NO_ORIGIN, Origin, make_page, new_figure, paragraph, picture, table
 from truearc.sim.statistics import BINS
 from truearc_proof.reproduce import EVERYTHING, REAL, SIMULATED, WHERE, Settings
 from truearc_proof.reproduce import models as figures
@@ -269,13 +269,12 @@ def save_page(path: Path, pool: Pool, repetitions: Sequence[Repetition], analysi
     target = pool.real.facts.target
     assert target is not None
     pictures = {
-        "Table I:": picture(make_png(draw_deviations(repetitions, target.three_half_height_m,
-                                                    target.two_half_height_m)),
+        "Table I:": picture(draw_deviations(repetitions, target.three_half_height_m, target.two_half_height_m),
                            "deviations on the test sets", "Figure 8, right. Black bars: medians. Of the paper's "
                            "points the mean and median are printed, no more."),
-        "Table II:": picture(make_png(draw_sizes(analysis, settings)), "accuracy by the amount of simulated data",
+        "Table II:": picture(draw_sizes(analysis, settings), "accuracy by the amount of simulated data",
                             "Bands: 95 % intervals of the mean over repetitions."),
-        "Figure 10": picture(make_png(draw_weights(analysis, settings)), "accuracy by lambda", "Figure 10 redrawn; of "
+        "Figure 10": picture(draw_weights(analysis, settings), "accuracy by lambda", "Figure 10 redrawn; of "
                              "the paper's curve only the star is known."),
     }
     sections = [("What the data are", "".join(paragraph(line) for line in what_varies(pool, settings)))]

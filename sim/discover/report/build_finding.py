@@ -9,7 +9,7 @@ from msgspec import UNSET, UnsetType, structs
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
-from truearc.sim.discover.decide import LIKELY, Search, Step, opening_of, verdict_of
+from truearc.sim.discover.decide import LIKELY, Search, Step, verdict_of
 from truearc.sim.discover.detect import battery
 from truearc.sim.discover.detect.battery import Asked, Judged, can_compare, compare_trackers, name_of
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
@@ -18,7 +18,7 @@ from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect,
 from truearc.sim.discover.identifiability import sight_of
 from truearc.sim.discover.next_steps import blind_terms, has_spin, measure_blind, measure_terms, next_steps
 from truearc.sim.discover.report import finding_text as wording
-from truearc.sim.discover.report.finding_text import say_improbable
+from truearc.sim.discover.report import story as stories
 from truearc.sim.discover.select.simulations import end_errors, side_errors, times_off
 from truearc.sim.infer.fit_report import say_tracker_errors
 from truearc.sim.infer.intervals import NumberChange, tracker_errors
@@ -34,14 +34,14 @@ SHOWN = 40                            # lines of the tests that the answer lists
 RANKED = 12                           # names that it lists; chosen: a page
 
 
-def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float,
-           among: Catalogue | None = None) -> FindingRecord:
+def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float) -> FindingRecord:
     """The finding of data that carry no test."""
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0},
                              dataset.accepted, untested(dataset), notes=dataset.notes())
     nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
-    return FindingRecord(data, parts.Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
-                   wording.say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
+    story = stories.no_test(len(dataset.shots))
+    return FindingRecord(data, parts.Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none", story.text, None,
+                         None, story=story)
 
 
 def untested(dataset: Dataset) -> tuple[str, ...]:
@@ -84,12 +84,11 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
     leading, *rest = map(_further, (first, *steps[1:]))
     verdict = verdict_of(first, fitted, None if search.home is None else search.home.fitted)
     leading = structs.replace(leading, what=_beside_rivals(leading.what, verdict.rivals, among), set=verdict.terms)
-    sentence = (wording.say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
-                wording.say_named(terms, judged.p_any, leading, rest, fit, place, among, data.topspin))
-    sentence += said + wording.say_limits(data.at_limit) + say_improbable(data.improbable)
-    return FindingRecord(data, mismatch, where, verdict.verdict, sentence, leading.unknown, fit, what=leading.what,
-                         set=leading.set, next=(*next_steps(dataset, first, leading.set), *to_check),
-                         also=tuple(rest), unexplained=first.unexplained, tracker=tracker, withheld=leading.withheld)
+    found = FindingRecord(data, mismatch, where, verdict.verdict, "", leading.unknown, fit, what=leading.what,
+                          set=leading.set, next=(*next_steps(dataset, first, leading.set), *to_check),
+                          also=tuple(rest), unexplained=first.unexplained, tracker=tracker, withheld=leading.withheld)
+    return stories.tell(found, place, among, said, (wording.say_limits(data.at_limit),
+                                                    wording.say_improbable(data.improbable)))
 
 
 def _nothing(data: parts.DataSummary, mismatch: parts.Mismatch, fit: FitSummary, fitted: LauncherFit, judged: Judged,
@@ -100,19 +99,16 @@ def _nothing(data: parts.DataSummary, mismatch: parts.Mismatch, fit: FitSummary,
     sight = sight_of(fitted.scores, "", (), threshold)
     blind = blind_terms(sight) if np.isfinite(threshold) else []
     errors = tracker_errors(believed, among) if search.home is None else ()
-    opening = opening_of(errors, sight, blind)
     tracker, said, to_check = _wrong_tracker(errors, among) if errors else _tracker(fitted, search)
     to_see = measure_blind(blind, fitted.model.data.samples is not None, among)
     odd = {name: remark for name, remark in odd_places(believed, among).items() if name not in data.improbable}
-    none = wording.say_none(data.believed, judged.p_any, data.shots, search.false_alarm, among, opening)
-    unseen = wording.say_blind(blind, to_see, among, f"Nothing found; these {data.shots} shots" * (opening == "blind"))
-    doubts = (wording.say_limits(data.at_limit) + say_improbable(data.improbable) + wording.say_odd(odd.values())
-              + wording.say_scatter(times_off(fitted)))
-    ordered = {"tracker": (said, none, doubts, unseen), "blind": (unseen, none, doubts, said),
-               "none": (none, doubts, said, unseen)}[opening]
+    doubts = (wording.say_limits(data.at_limit), wording.say_improbable(data.improbable),
+              wording.say_odd(odd.values()), wording.say_scatter(times_off(fitted)))
     where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
-    return FindingRecord(data, mismatch, where, "none", "".join([*ordered, wording.say_smallest(sight, among)]).strip(),
-                         None, fit, next=(*to_check, *to_see), tracker=tracker)
+    found = FindingRecord(data, mismatch, where, "none", "", None, fit, next=(*to_check, *to_see), tracker=tracker)
+    if not errors and not isinstance(tracker, FoundEffect):
+        return stories.tell_none(found, blind, sight, among, limits=(*doubts, said))
+    return stories.tell_none(found, blind, sight, among, said, doubts)
 
 
 TrackerFinding = tuple[FoundEffect | UnsetType, str, tuple[dict[str, Any], ...]]
@@ -137,7 +133,7 @@ def _tracker(fitted: LauncherFit, search: Search) -> TrackerFinding:
     what = tuple(_changed(one, among) for one in moved.numbers)
     together = [one for one, number in zip(what, moved.numbers, strict=True) if number.name in moved.together]
     found = FoundEffect(what, None if len(together) == len(what) else tuple(one.term for one in what), None)
-    return found, wording.say_tracker(found, together, moved.p_value, among), measure_terms(
+    return found, stories.say_tracker(found, together, moved.p_value, among), measure_terms(
         among.find([one.term for one in what]))
 
 

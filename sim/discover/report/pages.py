@@ -1,31 +1,32 @@
 """Pages and terminal text that report a finding, identifiability, or a plan of further shots."""
 
-import html
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 from msgspec import UnsetType
 
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.decide import Step, form_of, gain_interval
-from truearc.sim.discover.detect.covariates import IN_FLIGHT, CovariatePair
-from truearc.sim.discover.finding import FindingRecord
+from truearc.sim.discover.decide import Step
+from truearc.sim.discover.detect.covariates import CovariatePair
+from truearc.sim.discover.finding import FindingRecord, FitSummary, Named
 from truearc.sim.discover.identifiability import POWER, TAKEN, Fittable, Sight, TermIdentifiability, sight_of
 from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.next_steps import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report import pictures
+from truearc.sim.discover.report import story as stories
 from truearc.sim.discover.report.finding_text import WORDING, in_words, list_believed, plain, size_of
-from truearc.sim.discover.report.pictures import View, flight_png, halves, residual_figure, sight_png, views_of
+from truearc.sim.discover.report.flights import draw_flights
+from truearc.sim.discover.report.pictures import View, draw_flight, draw_sight, halves, residual_figure, views_of
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
 from truearc.sim.printed import make_text
-from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_png, paragraph, picture, table
+from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_svg, render
 from truearc.sim.statistics import POINTS_THREE
 
 MOST_SHOTS = 10_000                   # beyond which the number is no longer said
@@ -93,51 +94,27 @@ def why_not(one: TermIdentifiability, among: Catalogue | None = None) -> str:
     return f"nothing in these data depends on it{record}{varied}"
 
 
-def sight_section(sight: Sight, opened: bool = False, among: Catalogue | None = None) -> str:
-    """The summary, with picture and tables to unfold; or these opened, for where the summary stands already."""
-    inner = picture(sight_png(sight, among), "shots needed for each effect",
-                    "Full colour: fewer than these shots will do.")
-    inner += _table(sight, among) + _never(sight, among) + _fitted(sight) + paragraph(METHOD, dim=True)
-    if opened:
-        return _alike(sight, among) + inner
-    return (paragraph(sight_sentence(sight)) + _alike(sight, among)
-            + f"<details><summary>Effect by effect</summary>{inner}</details>")
+def sight_section(sight: Sight, among: Catalogue | None = None, believed: str = "") -> str:
+    """HTML of how well each effect would be seen; believed: what is said to be believed, in place of the summary."""
+    seen = [one for one in sight.terms if one.shots_needed is not None]
+    rows = [(plain(one.term, among), one.stage, size_of(one.term, one.usual, one.unit, among),
+             size_of(one.term, one.smallest or 0.0, one.unit, among), f"{one.power:.0%}", _shots(one.shots_needed or 0),
+             f"{one.share_left:.1%}", "" if one.like is None else f"{plain(one.like, among)} ({one.correlation:+.2f})")
+            for one in seen]
+    figure = draw_sight(sight, among)
+    return render(
+        "sight.html", sentence=sight_sentence(sight), believed=believed, shots=sight.shots, rows=rows, method=METHOD,
+        alike=[" = ".join(plain(one, among) for one in group) for group in sight.classes],
+        svg="" if figure is None else make_svg(figure, "shots needed for each effect"),
+        never=[(plain(one.term, among), one.stage, why_not(one, among)) for one in sight.terms
+               if one.shots_needed is None],
+        fitted=[(one.name, _uncertainty(one, one.before), _uncertainty(one, one.after)) for one in sight.fitted])
 
 
 def make_sight_page(name: str, sight: Sight, among: Catalogue | None = None, origin: Origin = NO_ORIGIN) -> str:
     """HTML page of what data of the rig `name` could tell."""
-    believed = list_believed(sight.believed, among)
     return make_page(f"truearc identifiability: {name}", sight_sentence(sight), [
-        ("Before any data", paragraph(f"Believed: {believed}. Tested: every other effect of the catalogue.")
-         + sight_section(sight, True, among))], origin)
-
-
-def _alike(sight: Sight, among: Catalogue | None) -> str:
-    if not sight.classes:
-        return ""
-    items = "".join(f"<li>{html.escape(' = '.join(plain(one, among) for one in group))}</li>"
-                    for group in sight.classes)
-    return ("<p>While they are small, these are one and the same to these data, and only a measurement tells which:</p>"
-            f"<ul>{items}</ul>")
-
-
-def _table(sight: Sight, among: Catalogue | None) -> str:
-    rows = [(plain(one.term, among), one.stage, size_of(one.term, one.usual, one.unit, among),
-             size_of(one.term, one.smallest or 0.0, one.unit, among), f"{one.power:.0%}", _shots(one.shots_needed or 0),
-             f"{one.share_left:.1%}", "" if one.like is None else f"{plain(one.like, among)} ({one.correlation:+.2f})")
-            for one in sight.terms if one.shots_needed is not None]
-    return table(("effect", "stage", "usual size", f"seen from, with {sight.shots} shots", "seen at usual size",
-                  "shots needed", "left after the fit", "most alike"), rows)
-
-
-def _never(sight: Sight, among: Catalogue | None) -> str:
-    rows = [(plain(one.term, among), one.stage, why_not(one, among)) for one in sight.terms if one.shots_needed is None]
-    return paragraph("No number of these shots would show:") + table(("effect", "stage", "why"), rows) if rows else ""
-
-
-def _fitted(sight: Sight) -> str:
-    rows = [(one.name, _uncertainty(one, one.before), _uncertainty(one, one.after)) for one in sight.fitted]
-    return paragraph("Fitted anyway:") + table(("number", "uncertainty before", "after these shots"), rows)
+        ("Before any data", sight_section(sight, among, list_believed(sight.believed, among)))], origin)
 
 
 def _uncertainty(one: Fittable, sd: float) -> str:
@@ -217,54 +194,51 @@ def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
     return {**like, **{name: round(value, 4) for name, value in known.items() if value == value}}
 
 
-HERE = files("truearc.sim.discover.report")
-STYLE = (HERE / "finding.css").read_text(encoding="utf-8")
-FINE_PRINT = (HERE / "fine_print.txt").read_text(encoding="utf-8").split("\n\n")
-MOSTLY = 0.97                         # of the improvement: then a region tells nothing new; derived: rounding
-BARS = ("A bar is the probability that this effect is among those left out. Several can be, so bars may add up to more "
-        "than 100 %.")
-LEVELS = {"L0": "outcomes only", "L1": "outcomes with telemetry", "L2": "tracks of the flight, or times at heights"}
+FINE_PRINT = (files("truearc.sim.discover.report") / "fine_print.txt").read_text(encoding="utf-8").split("\n\n")
+MOST_NAMES = 5                        # with a bar; the others are folded
 
 
-def make_report(name: str, investigation: Investigation, origin: Origin = NO_ORIGIN) -> str:
-    """HTML text of the answer about the dataset called `name`."""
+class Drawn(NamedTuple):
+    """A picture of the report, and the sentence below it."""
+
+    svg: str
+    caption: str
+
+
+def make_report(name: str, investigation: Investigation, origin: Origin = NO_ORIGIN,
+                truth: Mapping[str, float] | None = None) -> str:
+    """HTML text of the answer about the dataset called `name`; truth: sizes of what is really there, by term."""
     finding, among = investigation.finding, investigation.catalogue
-    sections = [("", f"<style>\n{STYLE}</style>" + _summary(finding, among))]
+    names, sight = names_of(finding, among, truth or {}), ""
+    worth, gate = (_worth(finding, finding.fit) if finding.fit is not None and finding.fit.gain_per_shot is not None
+                   else ([], ""))
     if investigation.fitted is not None:
-        sight = sight_of(investigation.fitted.scores, finding.data.level, finding.data.believed,
-                         investigation.threshold if np.isfinite(investigation.threshold or np.inf) else None)
-        opened = finding.verdict == "none"
-        shown = (paragraph(sight_sentence(sight)) if opened else "") + sight_section(sight, opened, among)
-        sections.append((f"What these {finding.data.shots} shots could show", shown))
-    sections += make_pictures(investigation)
-    if finding.what:
-        sections.append(("What it is", _names(finding, among)))
-    if finding.fit is not None and finding.fit.gain_per_shot is not None:
-        sections.append(("What it is worth, on shots that the fit had not seen", _worth(finding)))
-    if finding.next:
-        sections.append(("What to do next", _listed("ol", [_capital(wording.say_step(step, among))
-                                                           for step in finding.next])))
-    sections.append(("Fine print", _fine_print(finding)))
-    return make_page(f"truearc discover: {name}", finding.sentence, sections,
-                     origin._replace(sha256=finding.data.sha256))
+        threshold = investigation.threshold if np.isfinite(investigation.threshold or np.inf) else None
+        sight = sight_section(sight_of(investigation.fitted.scores, finding.data.level, finding.data.believed,
+                                       threshold), among)
+    return make_page(
+        f"truearc discover: {name}", finding.sentence, [], origin._replace(sha256=finding.data.sha256), "finding.html",
+        told=finding.told, pictures=make_pictures(investigation), names=names[:MOST_NAMES], folded=names[MOST_NAMES:],
+        members=finding.set or (), truth=truth, numbers=_numbers(finding, among), worth=worth, gate=gate,
+        fine_print=[" ".join(text.split()) for text in FINE_PRINT], tests=_tests(finding), sight=sight,
+        shots=finding.data.shots)
 
 
-def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
-    """(heading, HTML) of where the effects are, one per step; of a dataset that carries no test none."""
-    first, sections = investigation.finding.where.covariate, []
+def make_pictures(investigation: Investigation) -> list[Drawn]:
+    """The flights, then for each effect its residual, the flight's and the field's; none of data that carry no test."""
+    pictures = [] if (flown := draw_flights(investigation)) is None else [Drawn(
+        make_svg(flown, "flights, simulated before and after, and real"), "Side view of flights: as simulated (blue), "
+        "corrected (orange, with the band that holds nine in ten by the scatter of the launch)"
+        + (", and as filmed (dots)." if investigation.dataset and investigation.dataset.tracks else "."))]
     for view in _views(investigation, investigation.steps):
         what = _said(view.step, investigation.catalogue)
         shown = [_against(view, what), _along_flight(view, what)]
         if view.step is not None and view.step.unknown:
-            shown.insert(0, _free_curve(view.step))
-        if view.step is None:
-            sections.append(("Simulation and shots", "".join([*shown, _field(view, investigation, what)])))
-        elif view.step.base == ():
-            shown = [*(reversed(shown) if first in IN_FLIGHT else shown), _field(view, investigation, what)]
-            sections.append(("Where it is", _where(investigation.finding) + "".join(shown)))
-        else:
-            sections.append((f"Besides: {'an unexplained effect' if view.step.unknown else what}", "".join(shown)))
-    return sections
+            shown.insert(1, _free_curve(view.step))
+        if view.step is None or view.step.base == ():
+            shown.append(_field(view, investigation, what))
+        pictures += filter(None, shown)
+    return pictures
 
 
 def plot_residuals(investigation: Investigation) -> Figure | None:
@@ -289,180 +263,112 @@ def _said(step: Step | None, among: Catalogue) -> str:
     return "the free curve" if step.unknown else plain(step.naming.leader, among)
 
 
-def _free_curve(step: Step) -> str:
-    """The unexplained effect itself; "" where it is the same in all shots."""
+def _free_curve(step: Step) -> Drawn | None:
+    """The unexplained effect itself; None where it is the same in all shots."""
     place = step.place
-    png = None if place is None else pictures.curve_png(place)
-    if place is None or png is None or place.test.what is None:
-        return ""
+    figure = None if place is None else pictures.draw_curve(place)
+    if place is None or figure is None or place.test.what is None:
+        return None
     what = place.test.what
     sized = ("Colour: its size." if isinstance(what, CovariatePair) else "The band: 90 % by the likelihood.")
-    return picture(png, f"free curve: {place.column.name} against {what.name}", "The free curve: the change of "
-                   f"{place.column.name} over {in_words(what.name)} that fits all shots best, less its mean. {sized}")
+    return Drawn(make_svg(figure, f"free curve: {place.column.name} against {what.name}"), "The free curve: the change "
+                 f"of {place.column.name} over {in_words(what.name)} that fits all shots best, less its mean. {sized}")
 
 
-def _against(view: View, what: str) -> str:
+def _against(view: View, what: str) -> Drawn:
     """Against the covariate that the effect goes with."""
-    after = "" if view.after is None else " Where that is right, the pattern is gone in the lower picture."
-    png = make_png(residual_figure(view.residual, view.against, view.before.rows, what))
-    return picture(png, f"{view.residual.name} against {view.against.name}",
-                   f"Real shots less simulated ones, in bins of {in_words(view.against.name)}. Bars are one standard "
-                   f"error.{after}")
+    after = "" if view.after is None else " Where the correction is right, the pattern is gone in the lower picture."
+    figure = residual_figure(view.residual, view.against, view.before.rows, what)
+    return Drawn(make_svg(figure, f"{view.residual.name} against {view.against.name}"), "Real shots less simulated "
+                 f"ones, in bins of {in_words(view.against.name)}. Bars are one standard error.{after}")
 
 
-def _along_flight(view: View, what: str) -> str:
-    """Along the flight; "" where no picture of it can be made."""
+def _along_flight(view: View, what: str) -> Drawn | None:
+    """Along the flight; None where no picture of it can be made."""
     in_flight = view.residual.column is not None and view.before.columns[view.residual.column].stage == "flight"
-    png = flight_png(view.before, view.after, what, halves(view.stated if in_flight else None, view.before.rows))
-    return picture(
-        png, "missing acceleration along the flight", "Acceleration that the simulation lacks, by time in flight, each "
-        "shot's own launch left free. Bars are one standard error.")
+    figure = draw_flight(view.before, view.after, what, halves(view.stated if in_flight else None, view.before.rows))
+    return None if figure is None else Drawn(
+        make_svg(figure, "missing acceleration along the flight"), "Acceleration that the simulation lacks, by time in "
+        "flight, each shot's own launch left free. Bars are one standard error.")
 
 
-def _field(view: View, investigation: Investigation, what: str) -> str:
+def _field(view: View, investigation: Investigation, what: str) -> Drawn | None:
     """Over distance and elevation, or speed and elevation where no distance varies."""
     assert investigation.fitted is not None
     lanes = investigation.fitted.model.data.lanes
     if np.asarray(lanes.free).all():
-        return ""
+        return None
     distance_m, speed = np.asarray(lanes.distance_m), np.asarray(lanes.rolling.speed_m_s)
     across: tuple[str, Array] = ("distance [m]", distance_m) if np.ptp(distance_m) > 0.0 else ("launch speed [m/s]",
                                                                                               speed)
     elevation = ("launch elevation [°]", np.degrees(np.asarray(lanes.rolling.elevation_rad)))
-    png = pictures.field_png(view.residual, across, elevation, what)
-    return picture(
-        png, "residual over the field", f"The same {view.residual.name}, by where and how steeply the shot was made. "
-        "Numbers: the mean of a cell; colour: how many standard errors that is, so that pale ones may be chance. Cells "
-        "with fewer than four shots are empty.")
+    figure = pictures.draw_field(view.residual, across, elevation, what)
+    return None if figure is None else Drawn(
+        make_svg(figure, "residual over the field"), f"The same {view.residual.name}, by where and how steeply the "
+        "shot was made. Numbers: the mean of a cell; colour: how many standard errors that is, so that pale ones may "
+        "be chance. Cells with fewer than four shots are empty.")
 
 
-def _summary(finding: FindingRecord, among: Catalogue) -> str:
-    data = finding.data
-    lines = [f"{data.shots} shots, {LEVELS[data.level]} ({data.level}); believed: "
-             f"{list_believed(data.believed, among)}."]
-    where = finding.where
-    if finding.mismatch.found and where.inseparable:
-        lines.append(f"{_capital(wording.say_inseparable(where))}.")
-    if finding.next:
-        lines.append(f"Next: {wording.say_step(finding.next[0], among)}.")
-    lines += [f"Note: {line}." for line in data.notes] + [f"Not tested: {line}." for line in data.untested]
-    if data.left_out:
-        lines.append(f"Left out: {'; '.join(data.left_out)}.")
-    return _listed("ul", lines)
+def _numbers(finding: FindingRecord, among: Catalogue) -> list[tuple[str, str]]:
+    """The table below the story, as on the console, with the tests behind the p-value."""
+    rows, mismatch = stories.table_of(finding, among), finding.mismatch
+    if mismatch.p_value is not None:
+        families = ", ".join(f"{name} p = {p:.2g}" for name, p in mismatch.families.items())
+        rows.append(("tests", f"alarm at {mismatch.false_alarm:g}; all together p = {mismatch.p_value:.2g}, each "
+                              f"family alone: {families}"))
+    return [*rows, *(("left out", reason) for reason in finding.data.left_out)]
 
 
-def _listed(kind: str, lines: Iterable[str]) -> str:
-    return f"<{kind}>{''.join(f'<li>{html.escape(line)}</li>' for line in lines)}</{kind}>"
-
-
-def _where(finding: FindingRecord) -> str:
-    where = finding.where
-    if not where.stage_probability:
-        return ""
-    ranked = sorted(where.stage_probability.items(), key=lambda item: -item[1])
-    parts = [f"{wording.STAGE_WORDS[stage]} ({p:.0%})" for stage, p in ranked if p >= 0.005]
-    said = f"Where it happens: {', '.join(parts)}."
-    if where.covariate:
-        said += f" It goes with {in_words(where.covariate)}."
-    if where.times_s:
-        end = f"{where.times_s[1]:.2f} s" if np.isfinite(where.times_s[1]) else "the end"
-        said += f" Along the flight most of it lies between {where.times_s[0]:.2f} and {end}."
-    region = where.region
-    if "low" in region and region["share_of_gain"] < MOSTLY:
-        said += (f" {region['share_of_gain']:.0%} of the improvement comes from shots with "
-                 f"{in_words(region['covariate'])} between {region['low']:.3g} and {region['high']:.3g}.")
-    return paragraph(said)
-
-
-def _names(finding: FindingRecord, among: Catalogue) -> str:
-    """Names with their probabilities as bars; members of the set in another colour."""
+def names_of(finding: FindingRecord, among: Catalogue, truth: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Return a row per name: its probability, and its size with its interval on a scale that has zero and the truth."""
     members = set(finding.set or ())
-    rows = [_bar(plain(one.term, among), one.probability, "set" if one.term in members else "", one.term in members,
-                 _capital(wording.say_name(one, among, finding.data.topspin)) + ".")
-            for one in finding.what if one.probability >= 0.005 or one.term in members]
+    rows = [_row_of(one, one.term in members, truth.get(one.term), among) for one in finding.what
+            if one.probability >= stories.LEAST_SHOWN or one.term in members]
     rest = finding.unexplained
-    if not isinstance(rest, float):   # of an earlier version
-        rest = max(1.0 - sum(one.probability for one in finding.what), 0.0)
-    rows.append(_bar("an unexplained effect in their place", rest, "rest", finding.verdict == "unknown", ""))
-    said = f'<div class="bars">{"".join(rows)}</div>'
-    if len(members) > 1:
-        listed = wording.either([plain(name, among) for name in finding.set or ()], "and")
-        cannot = f"These data cannot tell {listed} apart (orange)."
-        if form_of([one.probability for one in finding.what if one.term in members]) == "likely":
-            cannot = f"In orange what cannot be excluded: {listed}."
-        said = paragraph(cannot) + said
-    sure = wording.say_how_sure(finding)
-    said += paragraph(f"{BARS} {_capital(sure)}." if sure else BARS)
-    return said + "".join(paragraph(wording.besides(further, then, among).strip())
-                          for further, then in zip(finding.also, wording.THEN, strict=False))
+    if finding.what and isinstance(rest, float):
+        rows.insert(min(len(rows), MOST_NAMES - 1), {
+            "name": "an effect of no term", "percent": f"{rest:.0%}", "in_set": finding.verdict == "unknown"})
+    return rows
 
 
-def _bar(name: str, probability: float, kind: str, bold: bool, note: str) -> str:
-    below = f'<div class="note">{html.escape(note)}</div>' if note else ""
-    long = probability >= 0.5         # then the number stands in the bar, else right of it
-    place = "left:.5rem" if long else f"left:calc({100.0 * probability:.1f}% + .4rem)"
-    return (f'<div class="{"in" if bold else ""}">{html.escape(name)}</div><div class="track"><div class="fill {kind}" '
-            f'style="width:{100.0 * probability:.1f}%"></div><span class="much{" on" if long else ""}" '
-            f'style="{place}">{probability:.0%}</span></div>{below}')
+def _row_of(one: Named, in_set: bool, truth: float | None, among: Catalogue) -> dict[str, Any]:
+    size, there = one.size, [] if truth is None else [truth]
+    low, high = min(0.0, size.low90, *there), max(0.0, size.high90, *there)
+    def at(value: float) -> float:
+        return 3.0 + 94.0 * (value - low) / ((high - low) or 1.0)
+
+    return {"name": plain(one.term, among), "percent": f"{one.probability:.0%}", "in_set": in_set, "zero": at(0.0),
+            "low": at(size.low90), "width": at(size.high90) - at(size.low90), "at": at(size.value),
+            "size": wording.interval_of(one.term, size, among),
+            "truth": "" if truth is None else size_of(one.term, truth, size.unit, among),
+            "truth_at": None if truth is None else at(truth)}
 
 
-def _worth(finding: FindingRecord) -> str:
-    fit = finding.fit
-    interval = None if fit is None else gain_interval(fit)
-    if fit is None or interval is None:
-        return ""
-    rows = [("outcome accuracy [%]", _percent(fit.accuracy_before), _percent(fit.accuracy_after)),
-            (f"height error at the {fit.height_at}, rms [m]", fit.height_rmse_before_m, fit.height_rmse_after_m),
-            ("error to the side at the track end, rms [m]", fit.side_rmse_before_m or None,
-             fit.side_rmse_after_m or None),
-            ("log score per shot", fit.log_score_before, fit.log_score_after)]
-    shown = [row for row in rows if row[1] is not None and row[2] is not None]
-    return table((f"{fit.heldout_shots} shots", "as simulated", "corrected"), shown) + paragraph(
-        f"The log score gains {fit.gain_per_shot:.4g} per shot (90 %: {interval[0]:.4g} to {interval[1]:.4g}); above 0 "
-        "the corrected simulation is the better forecast.") + _points(finding)
-
-
-def _points(finding: FindingRecord) -> str:
-    """Points by what was believed and by what was found."""
+def _worth(finding: FindingRecord, fit: FitSummary) -> tuple[list[tuple[Any, ...]], str]:
+    """(table, its header first; what a held ball counts) of forecasts and points before and after."""
     worth = finding.adoption
+    rows: list[tuple[Any, ...]] = [
+        ("outcome accuracy [%]", _percent(fit.accuracy_before), _percent(fit.accuracy_after)),
+        (f"height error at the {fit.height_at}, rms [m]", fit.height_rmse_before_m, fit.height_rmse_after_m),
+        ("error to the side at the track end, rms [m]", fit.side_rmse_before_m or None, fit.side_rmse_after_m or None),
+        ("log score per shot", fit.log_score_before, fit.log_score_after)]
+    header = (f"{fit.heldout_shots} hold-out shots", "as simulated", "corrected")
     if isinstance(worth, UnsetType):
-        return ""
-    rows = [("points per ball, had each shot been aimed by it", worth.aimed_before, worth.aimed_after),
-            ("shots as made that its gate lets through [%]", _percent(worth.fired_before), _percent(worth.fired_after)),
-            ("points per ball of these", worth.scored_before, worth.scored_after)]
+        return [header, *(row for row in rows if None not in row)], ""
+    rows += [("points per ball, had each shot been aimed by it", worth.aimed_before, worth.aimed_after),
+             ("shots as made that its gate lets through [%]", *map(_percent, (worth.fired_before, worth.fired_after))),
+             ("points per ball of these", worth.scored_before, worth.scored_after)]
     hits, least = (POINTS_THREE, "three times the least P(three)") if isinstance(worth.hit_points, UnsetType) else (
         worth.hit_points, "those of a hit times the least P(hit)")
-    return table((f"{worth.shots} shots", "as simulated", "corrected"), rows) + paragraph(
-        _capital(wording.say_points(worth)) + f". A ball that the gate holds counts {hits * worth.threshold:.1f} "
-        f"points: {least} for which it fires ({worth.threshold:g}).")
+    return [header, *(row for row in rows if None not in row)], (
+        f"A ball that the gate holds counts {hits * worth.threshold:.1f} points: {least} for which it fires "
+        f"({worth.threshold:g}).")
 
 
 def _percent(share: float | None) -> float | None:
     return None if share is None else 100.0 * share
 
 
-def _fine_print(finding: FindingRecord) -> str:
-    data, mismatch = finding.data, finding.mismatch
-    fitted = [(name, value) for values in data.fitted.values() for name, value in values.items()]
-    said, by = "", f"{data.clusters['by']} ({data.clusters['count']})"
-    if mismatch.p_value is not None:
-        families = ", ".join(f"{name} p = {p:.2g}" for name, p in mismatch.families.items())
-        said += paragraph(f"{mismatch.tests_made} tests, alarm at {mismatch.false_alarm:g}; all together p = "
-                          f"{mismatch.p_value:.2g}, each family alone: {families}. Signs are drawn for each {by}.",
-                          dim=True)
-    said += "".join(paragraph(" ".join(text.split()), dim=True) for text in FINE_PRINT)
-    if fitted:
-        said += table(("fitted without it" if mismatch.found else "fitted", "value"), fitted)
-    return said + (_tests(finding) if mismatch.tests else "")
-
-
-def _tests(finding: FindingRecord) -> str:
-    rows = [(key, test.stage, test.direction, test.shape, test.statistic, test.p_value, test.amplitude, test.unit,
+def _tests(finding: FindingRecord) -> list[tuple[Any, ...]]:
+    return [(key, test.stage, test.direction, test.shape, test.statistic, test.p_value, test.amplitude, test.unit,
              test.log_gain) for key, test in finding.mismatch.tests.items()]
-    return "<details><summary>The strongest tests</summary>" + table(
-        ("test", "stage", "direction", "shape", "standard errors", "p in the family", "amplitude", "unit",
-         "log-likelihood"), rows) + "</details>"
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -24,7 +24,7 @@ from truearc.sim.discover.report.finding_text import plain, scale_of
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
-from truearc.sim.report import PHONE_IN, make_png, new_figure, new_panels
+from truearc.sim.report import AFTER, BEFORE, INK, PHONE_IN, new_figure, new_panels
 from truearc.sim.statistics import Z90
 
 MOST_BINS, BIN_SHOTS = 8, 6
@@ -128,7 +128,7 @@ def evidence_after(step: Step) -> ScoreTable:
         return step.fitted.beside(step.refit).scores
     if step.place is None:
         return step.fitted.scores
-    evidence, place = step.fitted.scores, step.place
+    place, evidence = step.place, step.place.correction.scores       # of a fit that may share fewer columns
     change = np.zeros_like(evidence.score)
     change[:, place.test.column] = place.correction.after[:, 0]
     change[:, evidence.first_shared:] = place.correction.after[:, 1:]
@@ -266,7 +266,6 @@ def halves(along: Along | None, rows: Int[Array, " n"]) -> list[tuple[str, Bool[
     return [("", np.ones(len(rows), dtype=bool))]
 
 
-INK, BEFORE, AFTER = "#30343b", "#1f5fa8", "#c2571a"
 STAGE_COLOURS = {"sensing": "#7a56a8", "launch": "#c2571a", "flight": "#1f5fa8", "arrival": "#2f7d4f"}
 DIRECTIONS = ("along", "vertical", "lateral")
 DIRECTION_LABELS = {"along": "along the flight", "vertical": "up across the flight", "lateral": "to the left"}
@@ -284,7 +283,7 @@ Shown = TypeVar("Shown")
 def residual_figure(residual: Residual, along: Along, rows: Int[Array, " n"], what: str) -> Figure:
     """Residual by bins of `along`, as simulated, and below with `what` put in (when something was)."""
     bins, parts = bins_of(along, rows), _both(residual.before, residual.after, what)
-    figure, panels = new_panels(PHONE_IN, 0.6 + 2.4 * len(parts), len(parts), sharex=True, sharey=True)
+    figure, panels = new_panels(PHONE_IN, 0.6 + 1.7 * len(parts), len(parts), sharex=True, sharey=True)
     for axes, (title, part, colour) in zip(panels, parts, strict=True):
         _points(axes, bins, part, residual.factor, colour)
         axes.set_title(title, loc="left", fontsize=11, color=colour, fontweight="bold")
@@ -314,7 +313,7 @@ def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> N
     axes.tick_params(labelsize=9)
 
 
-def curve_png(place: Place) -> bytes | None:
+def draw_curve(place: Place) -> Figure | None:
     """The free curve of an unexplained effect, fitted to all shots, less its mean; None where it is the same in all."""
     what, column = place.test.what, place.column
     if what is None:
@@ -333,7 +332,7 @@ def curve_png(place: Place) -> bytes | None:
         axes.axhline(0.0, color=INK, lw=0.9)
         axes.set(xlabel=_worded(what.name), ylabel=f"change of {column.name}\n[{unit.strip()}]")
     axes.tick_params(labelsize=9)
-    return make_png(figure)
+    return figure
 
 
 def _curve(axes: Axes, what: Covariate | Factor, rows: Int[Array, " n"], value: Each, reach: Each) -> None:
@@ -350,8 +349,8 @@ def _curve(axes: Axes, what: Covariate | Factor, rows: Int[Array, " n"], value: 
     axes.plot(at, np.zeros(len(at)), "|", color=INK, ms=5, alpha=0.5, transform=axes.get_xaxis_transform())
 
 
-def flight_png(before: ScoreTable, after: ScoreTable | None, what: str,
-               groups: Sequence[tuple[str, Bool[Array, " n"]]]) -> bytes | None:
+def draw_flight(before: ScoreTable, after: ScoreTable | None, what: str,
+               groups: Sequence[tuple[str, Bool[Array, " n"]]]) -> Figure | None:
     """Missing acceleration by flight time, a row a group of shots (label, [n] booleans); None without bands."""
     if not any(column.times_s for column in before.columns):
         return None
@@ -367,7 +366,7 @@ def flight_png(before: ScoreTable, after: ScoreTable | None, what: str,
     figure.supylabel("real − simulated [m/s²]", fontsize=10)
     figure.legend(*grid[0, -1].get_legend_handles_labels(), loc="outside upper left", ncols=1, frameon=False,
                   fontsize=9)
-    return make_png(figure)
+    return figure
 
 
 def _bands(evidence: ScoreTable, direction: str) -> list[int]:
@@ -400,7 +399,7 @@ def _band_errors(evidence: ScoreTable, bands: Sequence[int], chosen: Bool[Array,
     return np.sqrt(np.maximum(np.diag(bread @ (left.T @ left) @ bread), 0.0))
 
 
-def field_png(residual: Residual, across: tuple[str, Each], up: tuple[str, Each], what: str) -> bytes | None:
+def draw_field(residual: Residual, across: tuple[str, Each], up: tuple[str, Each], what: str) -> Figure | None:
     """Mean residual in cells of two settings (name, [n]), before and after; None where a setting hardly varies."""
     count = int(np.clip(np.sqrt(len(across[1]) / CELL_SHOTS), FEWEST_CELLS, MOST_CELLS))
     edges = [_edges(values, count) for _, values in (across, up)]
@@ -418,7 +417,7 @@ def field_png(residual: Residual, across: tuple[str, Each], up: tuple[str, Each]
     panels[-1].set_xlabel(across[0])
     figure.colorbar(image, ax=list(panels), location="bottom", aspect=30,
                     label=f"colour: standard errors from 0\nnumbers: {residual.name} [{residual.unit}]")
-    return make_png(figure)
+    return figure
 
 
 def _edges(values: Each, count: int) -> Float[Array, " edges"]:
@@ -441,14 +440,14 @@ def _write_cells(axes: Axes, edges: Edges, values: Cells, sure: Cells) -> None:
     middles = [(edge[1:] + edge[:-1]) / 2.0 for edge in edges]
     for i, j in np.argwhere(np.isfinite(values)):
         axes.text(middles[0][i], middles[1][j], _signed(values[i, j]), ha="center", va="center", fontsize=8.5,
-                  color="white" if abs(sure[i, j]) > 0.6 * SURE_SD else INK)
+                  color="white" if abs(sure[i, j]) > 0.6 * SURE_SD else "#1a1c20")
 
 
 def _signed(value: float) -> str:
     return f"{value:+.0f}" if abs(value) >= 10.0 else f"{value:+.2g}"
 
 
-def sight_png(sight: Sight, among: Catalogue | None = None) -> bytes | None:
+def draw_sight(sight: Sight, among: Catalogue | None = None) -> Figure | None:
     """Shots needed for each effect at its usual size, on a log scale; None where no number of shots would do."""
     seen = [one for one in sight.terms if one.shots_needed is not None]
     if not seen:
@@ -458,8 +457,7 @@ def sight_png(sight: Sight, among: Catalogue | None = None) -> bytes | None:
         needed = one.shots_needed or 1
         axes.barh(row, needed, left=0.8, height=0.68, color=STAGE_COLOURS[one.stage],
                   alpha=1.0 if needed <= sight.shots else 0.45)
-        axes.text(needed * 1.15 + 0.8, row, f"{needed:,}".replace(",", " "), va="center", fontsize=8, color=INK,
-                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})
+        axes.text(needed * 1.15 + 0.8, row, f"{needed:,}".replace(",", " "), va="center", fontsize=8, color=INK)
     axes.set_yticks(range(len(seen)), [plain(one.term, among) for one in reversed(seen)])
     axes.set_xscale("log")
     axes.set_xlim(0.8, 12.0 * max(max(one.shots_needed or 1 for one in seen), sight.shots))
@@ -471,7 +469,7 @@ def sight_png(sight: Sight, among: Catalogue | None = None) -> bytes | None:
     figure.legend(handles=[Patch(color=STAGE_COLOURS[stage], label=stage) for stage in stages], frameon=False,
                   loc="outside upper right", ncols=len(stages), fontsize=8.5, handlelength=1.0, columnspacing=1.0)
     axes.tick_params(labelsize=9)
-    return make_png(figure)
+    return figure
 
 
 def _worded(name: str) -> str:

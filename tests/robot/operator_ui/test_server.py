@@ -7,6 +7,8 @@ import time
 from contextlib import ExitStack
 from http.client import HTTPConnection
 
+import cv2
+import numpy as np
 import pytest
 
 import truearc.robot.operator_ui.server
@@ -17,7 +19,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.aim_inbox import AimOrders
 from truearc.robot.operator_ui.server import LOOKING, MAX_OF_ADDRESS, PERIOD_S, OperatorPage
 from truearc.robot.tick import step
-from truearc.robot.types import Memory
+from truearc.robot.types import Memory, Sighting
 
 GOOD = step(good_inputs(), good_memory(), CONFIG, None)
 IDLE = step(good_inputs(), Memory(), CONFIG, None)
@@ -129,6 +131,24 @@ def test_what_is_old_when_a_browser_comes_is_not_told(page):
     page.show(IDLE)
     assert events.next()["view"]["state"] == "HOLD"
     events.close()
+
+
+def test_camera_pictures_show_the_detection_five_times_a_second_at_most(page, monkeypatch):
+    assert ask(page, "/picture")[0] == 404                  # no camera
+    now_ns, asked = [0], []
+    monkeypatch.setattr(page, "_clock", type("Set", (), {"now_ns": lambda self: now_ns[0]})())
+    sighting = Sighting(1, True, None, 3.0, corners_px=((90.0, 70.0), (40.0, 70.0), (40.0, 30.0), (90.0, 30.0)))
+    page.see(lambda: asked.append(1) or (sighting, np.zeros((120, 160, 3), np.uint8)))
+    for number in range(10):
+        now_ns[0] = number * 100_000_000
+        status, headers, body = ask(page, "/picture")
+        assert status == 200 and headers["Content-Type"] == "image/jpeg"
+    assert len(asked) == 5
+    drawn = cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_COLOR)
+    assert drawn[50, 40, 1] > 100 and drawn[50, 90, 1] > 100 and drawn[50, 65].max() < 60      # the outline, not inside
+    page.see(lambda: None)                                  # overwritten meanwhile: the last one stays
+    now_ns[0] += 10**9
+    assert ask(page, "/picture")[2] == body
 
 
 def test_nobody_who_looks_and_does_not_listen_holds_up_who_shows(shown, monkeypatch):

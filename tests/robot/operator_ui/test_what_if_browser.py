@@ -105,7 +105,7 @@ def test_map_is_painted_as_the_gate_rates_and_unknown_is_hatched(laptop):
 def test_numbers_stand_beside_the_sliders(laptop):
     set_sliders(laptop, (3.2, 0.5, 50.0), 1)
     sliders = laptop.evaluate(TEXT.format("sliders"))
-    assert "3.20 m" in sliders and "0.500 = 297 rad/s" in sliders and "50.0°" in sliders
+    assert "3.20 m" in sliders and "0.500 = 2836 rpm" in sliders and "50.0°" in sliders
     rating = GATE.rate(3.2, 0.5, 50.0)
     assert f"{100 * rating.p_three:.1f} %" in laptop.evaluate(TEXT.format("numbers"))
     assert "would hold" in laptop.evaluate(TEXT.format("verdict"))

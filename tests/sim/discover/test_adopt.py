@@ -14,7 +14,7 @@ from truearc.sim.data.dataset import Dataset, Shots, circumstances_of
 from truearc.sim.discover import investigate as adopt
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import Investigation, discover, judge_adoption, make_belief, with_worth
-from truearc.sim.discover.report.finding_text import console_lines, say_adopted
+from truearc.sim.discover.report.story import console_lines, say_adopted
 from truearc.sim.infer.belief import Belief, Curve, before_the_shot, load_belief, point_belief
 from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.data import take_in

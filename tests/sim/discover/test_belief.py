@@ -16,7 +16,7 @@ from truearc.sim.discover.investigate import (
     make_belief,
     with_own_priors,
 )
-from truearc.sim.discover.report.finding_text import say_adopted
+from truearc.sim.discover.report.story import say_adopted
 from truearc.sim.discover.select.simulations import mixed, shares
 from truearc.sim.infer.belief import Belief, Coefficients, load_belief, point_belief
 from truearc.sim.infer.launcher import coefficients_of
@@ -67,7 +67,7 @@ def test_a_believed_number_that_has_changed_is_named_with_its_change_and_value(b
     assert first.believed == pytest.approx(belief.value("drag.cd"))
     assert first.parameters["cd"].low90 < 1.4 * FIRST.cd < first.parameters["cd"].high90
     assert first.size.low90 < 0.4 * FIRST.cd < first.size.high90
-    assert finding.sentence.index("drag changed by ") < finding.sentence.index("; now the air slows the ball")
+    assert finding.sentence.index("Drag changed by ") < finding.sentence.index("; now the air slows the ball")
 
 
 @pytest.mark.slow

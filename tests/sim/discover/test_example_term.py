@@ -59,7 +59,7 @@ def test_discover_names_the_term_that_is_given_to_it(dataset: Dataset, among: Ca
     assert found.finding.verdict == "named" and found.finding.set == ("hood_flex",)
     size = found.finding.what[0].parameters["angle_deg"]
     assert size.low90 - size.sd < TRUTH["hood_flex"]["angle_deg"] < size.high90 + size.sd
-    assert "the hood yields to the ball" in found.finding.sentence and "flatter" in found.finding.sentence
+    assert found.finding.sentence.startswith("The hood yields to the ball") and "flatter" in found.finding.sentence
     assert {"do": "measure", "instrument": "hood_film",
             "what": "hood angle while a ball passes, on film at 240 frames/s"} in found.finding.next
 

@@ -14,14 +14,15 @@ from truearc.sim.discover import finding as rec
 from truearc.sim.discover.detect.battery import Test
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Correction, Place
+from truearc.sim.discover.identifiability import Sight
 from truearc.sim.discover.report import finding_text as text
+from truearc.sim.discover.report import story as stories
 from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.infer.room import ROOM
 from truearc.sim.physics.catalogue import TERMS, find_terms
 from truearc.sim.physics.term import BallState, Exit, Opening, Vec, complete
 
 WHERE = rec.Where("launch", None, None, None, {}, None, None, (), None)
-NO_FIT = rec.FitSummary(100, -0.9, None, None, None, None, None, None, None)
 BATTERY, WARMTH = (Covariate(((name, np.arange(4.0)),)) for name in ("battery_v", "temperature_c"))
 FACTS = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.05, 1.0, 180.0),
                                                              Wheel("upper", 0.03, 0.5, 0.0))))
@@ -37,11 +38,18 @@ def named(term: str, value: float, sd: float, probability: float = 0.9, unit: st
     return rec.Named(term, probability, sizes, found.sentence, found.stage)
 
 
-def told(what: tuple[rec.Named, ...], chosen: tuple[str, ...] = (), also: tuple[rec.FoundEffect, ...] = (),
-         fit: rec.FitSummary = NO_FIT, believed: tuple[str, ...] = ("gravity",), p_value: float = 0.01) -> str:
-    """The sentence for these names; the first alone unless more are chosen."""
-    leading = rec.FoundEffect(what, chosen or (what[0].term,), None)
-    return text.say_named(believed, p_value, leading, also, fit, None)
+def told(what: tuple[rec.Named, ...], chosen: tuple[str, ...] = (), p_value: float = 0.01) -> rec.Story:
+    """The story for these names; the first alone unless more are chosen."""
+    return stories.tell(record(what, chosen or (what[0].term,), p_value), None).told
+
+
+def record(what: tuple[rec.Named, ...] = (), chosen: tuple[str, ...] | None = None, p_value: float = 0.01,
+           steps: tuple[dict[str, object], ...] = (), where: rec.Where = WHERE) -> rec.FindingRecord:
+    """A finding of these names without its story; without names, of something unknown."""
+    verdict = "unknown" if chosen is None else "named" if len(chosen) == 1 else "set"
+    return rec.FindingRecord(rec.DataSummary(20, "L0", ("2 shots",), ("gravity",), {}, {"by": "shot", "count": 20}),
+                             rec.Mismatch(True, p_value, 0.05, {}, 7, {}), where, verdict, "", None, None, what=what,
+                             set=chosen, next=steps)
 
 
 PHRASES = {term.name: term.phrase for term in TERMS}
@@ -84,10 +92,11 @@ def test_spin_decay_is_told_as_a_time_constant_whose_ends_swap() -> None:
     (3.0 / 2000.0, "1 dataset in 670"), (0.0105, "1 dataset in 95"), (0.05, "1 dataset in 20"),
     (0.41, "41 datasets in 100"), (1.0, "100 datasets in 100")])
 def test_a_p_value_is_told_as_a_share_of_datasets_in_which_nothing_is_missing(p_value: float, said: str) -> None:
-    assert text.say_chance(p_value) == f"{said} would look this extreme"
-    whole = f"If nothing were missing, {said} would look this extreme (p = {p_value:.2g}, "
-    assert whole in told((named("drag", 0.5, 0.1),), p_value=p_value)
-    assert whole in text.say_none(("gravity",), p_value, 80, 0.05)
+    assert stories.say_chance(p_value) == f"{said} would look this extreme"
+    whole = f"If nothing were missing, {said} would look this extreme (p = {p_value:.2g}"
+    assert told((named("drag", 0.5, 0.1),), p_value=p_value).sure.startswith(whole)
+    none = msgspec.structs.replace(record(p_value=p_value), verdict="none")
+    assert stories.tell_none(none, [], Sight(20, "L0", (), (), (), ())).told.sure.startswith(whole)
 
 
 @pytest.mark.parametrize(("term", "word"), [
@@ -124,32 +133,40 @@ def test_other_words_have_the_sign_of_the_term() -> None:
     assert tracked.x > 4.0 and "slow" in PHRASES["track_clock"].more
 
 
-@pytest.mark.parametrize(("first", "second", "said"), [
-    (1.0, 0.97, "drag (100%) and crosswind (97%). More likely both are there than one"),
-    (0.6, 0.45, "drag (60%) or crosswind (45%). These data cannot tell which of these it is. Two of them may be there"),
-    (0.6, 0.35, "drag (60%) or crosswind (35%). These data cannot tell which of these it is. If it is the first, ")])
-def test_probabilities_that_add_up_to_more_than_one_are_of_two_together(first: float, second: float, said: str) -> None:
+@pytest.mark.parametrize(("first", "second", "change", "sure"), [
+    (1.0, 0.97, "Two things are off in flight, and these shots cannot tell", "drag (100%) and crosswind (97%)"),
+    (0.6, 0.45, "Something is off in flight: if it is drag (60%), the air slows", "crosswind (45%) (two may be there"),
+    (0.6, 0.35, "Something is off in flight: if it is drag (60%), the air", "it may as well be crosswind (35%)."),
+    (0.9, 0.06, "Most likely the air slows the ball", "crosswind (6%) cannot be excluded."),
+    (0.15, 0.14, "Something is off in flight, and no name stands out: drag (15%) or cross", "crosswind (14%)")])
+def test_names_that_cannot_be_told_apart_share_the_story(first: float, second: float, change: str, sure: str) -> None:
     what = (named("drag", 0.5, 0.1, first), named("wind_y", 1.0, 0.1, second, "m/s"))
-    assert said in told(what, ("drag", "wind_y"))
-    finding = rec.FindingRecord(rec.DataSummary(20, "L0", (), ("gravity",), {}, {"by": "shot", "count": 20}),
-                            rec.Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None, what=what)
-    (line,) = (line for line in text.console_lines(finding) if line.startswith("names: "))
+    story = told(what, ("drag", "wind_y"))
+    assert change in story.change and sure in story.sure
+    (line,) = (line for line in stories.console_lines(record(what, ("drag", "wind_y"))) if line.startswith("names: "))
     assert line.endswith("(two together count for both)") == (first + second > 1.0)
 
 
+def test_a_story_names_at_most_five_and_counts_the_rest() -> None:
+    names = [term.name for term in TERMS if term.stage == "launch" and "phrase" in dir(term)][:8]
+    what = tuple(named(name, 0.1, 0.01, 0.3 - 0.01 * k) for k, name in enumerate(names))
+    story = told(what, tuple(names))
+    assert story.sure.count("%)") == 4 and "or one of 3 others" in story.sure
+
+
 def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
-    drag = (named("drag", 0.5, 0.1),)
-    said = told(drag, fit=rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.19, 0.11, 0.71, 0.83))
+    said = stories.say_forecasts(rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.19, 0.11, 0.71, 0.83))
     assert "83 of 100 outcomes right instead of 71 and heights within 11 cm instead of 19 cm" in said
     low, high = map(float, re.search(r"90 %: ([+-][\d.]+) to ([+-][\d.]+)\)", said.partition("log score")[2]).groups())
     assert (low, high) == (pytest.approx(0.2 - 1.645 * 0.05, abs=1e-3), pytest.approx(0.2 + 1.645 * 0.05, abs=1e-3))
-    worse = told(drag, fit=rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71))
+    worse = stories.say_forecasts(rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71))
     assert "does better (log score" in worse and "but forecasts 71 of 100 outcomes right instead of 83" in worse
-    assert "not clearly better" in told(drag, fit=rec.FitSummary(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72))
-    assert "scores worse" in told(drag, fit=rec.FitSummary(100, -0.9, -1.0, -0.1, 0.05, None, None, 0.71, 0.70))
-    far = told(drag, fit=rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, 7.2, 0.84, None, None))
+    unclear = stories.say_forecasts(rec.FitSummary(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72))
+    assert "not clearly better" in unclear
+    assert "scores worse" in stories.say_forecasts(rec.FitSummary(100, -0.9, -1.0, -0.1, 0.05, None, None, 0.71, 0.70))
+    far = stories.say_forecasts(rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, 7.2, 0.84, None, None))
     assert "heights within 84 cm instead of 7.2 m" in far
-    ends = told(drag, fit=rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.06, 0.02, None, None, "track end"))
+    ends = stories.say_forecasts(rec.FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.06, 0.02, None, None, "track end"))
     assert "how high tracks end, from their first 40 %, within 2 cm instead of 6 cm" in ends
 
 
@@ -166,16 +183,17 @@ def test_what_has_no_name_is_described(what: Covariate | CovariatePair | Factor 
     place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, correction, {}, {}, None)
     ends = (-0.15, -0.09) if shape == "measured" else (None, None)
     unknown = rec.Unknown(None if what is None else what.name, "along", -0.12 if ends[0] else 0.12, "1", *ends)
-    assert said in text.say_unknown(("gravity",), 0.01, WHERE, rec.FoundEffect((), None, unknown), (), NO_FIT, place)
+    found = msgspec.structs.replace(record(), unknown=unknown)
+    assert said in stories.tell(found, place).told.change
 
 
 def test_a_name_that_shows_as_a_step_in_time_says_since_when() -> None:
     column = Column("launch elevation", "free", "launch", "vertical", "rad", 0.02, ("steeper", "flatter"))
     time = Covariate((("t_s", np.arange(4.0)),))
-    leading = rec.FoundEffect((named("ball_wear", 0.1, 0.01),), ("ball_wear",), None)
+    where = msgspec.structs.replace(WHERE, stage_probability={"launch": 1.0})
     for what, shape, told in ((time, "step at 2990", True), (time, "straight", False), (BATTERY, "step at 12", False)):
         place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, stand_in(Correction), {}, {}, None)
-        said = text.say_named(("gravity",), 0.01, leading, (), NO_FIT, place)
+        said = stories.say_where(where, place)
         assert ("as a step where the time in the session is above 2990" in said) == told
 
 
@@ -183,19 +201,16 @@ def test_console_lines_name_steps_and_what_was_left_out() -> None:
     steps = ({"do": "measure", "what": "ball mass with a scale"},
              {"do": "shoot", "distance_m": 6.6, "hood_deg": 38.0, "motor_ratio": 0.62, "motor_rpm": 3517, "shots": 20,
               "separates": ["hood_offset", "wind_x"]})
-    finding = rec.FindingRecord(rec.DataSummary(20, "L0", ("2 shots",), ("gravity",), {}, {"by": "shot", "count": 20}),
-                      rec.Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None,
-                      what=(named("drag", 0.5, 0.1, 0.7), named("wind_x", 1.0, 0.1, 0.0001)), next=steps)
-    lines = text.console_lines(finding)
-    assert lines[0] == "Verdict."
+    finding = record((named("drag", 0.5, 0.1, 0.7), named("wind_x", 1.0, 0.1, 0.0001)), ("drag",), steps=steps)
+    lines = stories.console_lines(stories.retell(finding))
+    assert "Next: Measure ball mass with a scale." in lines
     shoot = "next: 20 shots at 6.6 m, hood 38°, motor 0.62 (3517 rpm), to tell hood offset from head or tail wind"
     assert shoot in lines
     assert "next: measure ball mass with a scale" in lines and "left out: 2 shots" in lines
     assert "names: drag 70%" in lines
     sure = msgspec.structs.replace(finding, data=msgspec.structs.replace(finding.data, level="L2"),
                                    what=(named("drag", 0.5, 0.1, 0.99),))
-    assert ("names: drag 99% (with tracks, 74 in 100 names said to be 99 % likely were right)"
-            in text.console_lines(sure))
+    assert stories.tell(sure, None).told.sure.endswith("74 in 100 names said to be 99 % likely were right.")
     assert text.say_step(steps[0]) == "measure ball mass with a scale"
 
 

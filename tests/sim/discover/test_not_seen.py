@@ -10,10 +10,10 @@ from msgspec import structs
 
 import truearc as ta
 from tests.sim.discover.odd_rigs import make_drops
-from truearc.sim.discover.decide import opening_of
+from truearc.sim.discover import finding as rec
 from truearc.sim.discover.identifiability import TAKEN, UNTOUCHED, Sight, TermIdentifiability
 from truearc.sim.discover.next_steps import blind_terms
-from truearc.sim.discover.report.finding_text import say_blind, say_none
+from truearc.sim.discover.report.story import tell_none
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.physics.simulate import launch_state
 
@@ -90,9 +90,9 @@ def test_none_says_what_could_not_have_been_seen_before_what_could(quiet: tuple[
     assert found.verdict == "none"
     assert 0 < found.sentence.index("could not have shown") < found.sentence.index("Smallest effects")
     could = {one.term: one for one in ta.identifiability(quiet[0]).sight.terms}
-    assert found.record.next
+    assert found.record.next and found.next == f"Measure {found.record.next[0]['what']}."
     for step in found.record.next:
-        assert step["do"] == "measure" and f"measure {step['what']}" in found.sentence
+        assert step["do"] == "measure" and f"next: measure {step['what']}" in found.lines()
         for term in step["shows"]:                        # with one test alone, too, at most a little would be seen
             assert could[term].smallest is None or could[term].smallest > 0.3 * could[term].usual, term
 
@@ -100,21 +100,23 @@ def test_none_says_what_could_not_have_been_seen_before_what_could(quiet: tuple[
 SEEN = TermIdentifiability("wind_x", "flight", "m/s", 0.8, 1.0, 1.0, 60, 0.4, 0.99, None, (), None, 0.0)
 
 
-def test_a_sentence_begins_with_what_most_terms_could_not_have_shown() -> None:
+EMPTY = rec.FindingRecord(rec.DataSummary(120, "L0", (), ("gravity",), {}, {"by": "shot", "count": 120}),
+                          rec.Mismatch(False, 0.3, 0.05, {}, 7, {}),
+                          rec.Where(None, None, None, None, {}, None, None, (), None), "none", "", None, None)
+
+
+def test_what_could_not_have_been_shown_is_told_first() -> None:
     blind = structs.replace(SEEN, smallest=3.0)
     unseen = structs.replace(SEEN, term="spin_decay", unit="1/s", usual=0.4, smallest=None, why=TAKEN)
     other = structs.replace(SEEN, term="ball_wear", smallest=None, why=UNTOUCHED)
-    for terms, opening in (((blind, unseen, SEEN), "blind"), ((blind, SEEN), "none"), ((SEEN, other, other), "none")):
-        sight = Sight(120, "L0", (), terms, (), ())
-        assert opening_of((), sight, blind_terms(sight)) == opening
-        assert opening_of(("an error",), sight, blind_terms(sight)) == "tracker"
-    listed = blind_terms(Sight(120, "L0", (), (other, unseen, blind), (), ()))
+    sight = Sight(120, "L0", (), (other, unseen, blind, SEEN), (), ())
+    listed = blind_terms(sight)
     assert [one.term for one in listed] == ["wind_x", "spin_decay", "ball_wear"]
-    assert say_blind(listed, ({"what": "the wind"},), opens="Nothing found; these 120 shots") == (
-        "Nothing found; these 120 shots could not have shown head or tail wind below 3.0 m/s, spin decay of any size, "
-        "ball wear of any size; best next: measure the wind.")
-    assert say_none(("gravity",), 0.3, 120, 0.05, opening="blind").startswith(" They differ from the simulation (")
-    assert say_none(("gravity",), 0.3, 120, 0.05).startswith("No mismatch: 120 shots differ")
+    assert tell_none(EMPTY, listed, sight).told.change == (
+        "Nothing found; these 120 shots could not have shown head or tail wind below 3.0 m/s, spin decay of any size "
+        "or ball wear of any size.")
+    assert tell_none(EMPTY, [], sight).told.change.startswith("Nothing found: 120 shots differ from the simulation by")
+    assert tell_none(EMPTY, listed, sight, tracker="The tracker is off.").sentence.startswith("The tracker is off. Sm")
 
 
 @pytest.mark.slow

@@ -98,7 +98,7 @@ def test_a_floor_off_level_is_told_from_a_crosswind_in_one_session() -> None:
     assert all(one.probability < 0.05 for one in found.effects if one.term == "wind_y")
     fit = found.record.fit
     assert fit.side_rmse_after_m < 0.5 * fit.side_rmse_before_m
-    assert "how far to the side tracks end" in found.sentence and "where tracks end" not in found.sentence
+    assert "how far to the side tracks end" in str(found) and "where tracks end" not in str(found)
 
 
 TRUTH = 0.012                         # lost per m/s

@@ -225,6 +225,6 @@ def test_the_door_answers_in_toml_that_says_what_it_is_worth(tmp_path, capsys):
         assert said[key] == pytest.approx(TRUTH[name], rel=0.02)
     assert "R^2 0.99" in out and "90 %" in out
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert page.count("data:image/png") == 1 and page.index("[feedforward]") < page.index("data:image/png")
+    assert page.count("<svg ") == 1 and page.index("[feedforward]") < page.index("<svg ")
     head = page[page.index("<body>"):page.index("[feedforward]")]
     assert "truearc sysid --csv" in head and hashlib.sha256(path.read_bytes()).hexdigest()[:16] in head
