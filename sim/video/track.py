@@ -18,10 +18,13 @@ from truearc.sim.video.calibrate import (
     Calibration,
     Mark,
     Placed,
+    Sheet,
     calibrate,
     exits_of,
+    find_sheet,
     noise_factors,
     place_flights,
+    sheet_beside,
 )
 from truearc.sim.video.detect import Blob, find_blobs
 from truearc.sim.video.frames import Clip
@@ -30,6 +33,8 @@ from truearc.sim.video.selftest import EARTH_M_S2, SelfTest, measure_gravity, po
 
 EVERY_S = 0.5                         # how often the camera's movement is looked at
 STILL_PX = 1.0                        # movement of a still camera: noise, and people who walk through
+# Derived: of the time between two pictures, the read-out takes less than all; phones that film 60 a second take most
+READOUT_SHARE = (0.7, 0.3)            # mean and standard deviation
 AIR_KG_M3, DRAG_COEFFICIENT = 1.2, 0.5            # of a ball that is not very smooth and fast
 FEW_HZ = 20.0                         # pictures a second below which a flight is seen in too few of them
 
@@ -53,13 +58,15 @@ class View:
     release_height_m: float = 0.0
     mass_kg: float | None = None
 
-    @property
-    def priors(self) -> Priors:
-        """What a single flight is expected to be, in diameters."""
+    def priors(self, rate_hz: float) -> Priors:
+        """Return what a single flight is expected to be, in diameters, at this many pictures a second."""
+        mean_s, sd_s = ANY_BALL.readout
+        if rate_hz > 0.0:             # a picture is read before the next begins
+            mean_s, sd_s = min(mean_s, READOUT_SHARE[0] / rate_hz), min(sd_s, READOUT_SHARE[1] / rate_hz)
         if self.mass_kg is None or self.diameter_m is None:
-            return ANY_BALL
+            return ANY_BALL._replace(readout=(mean_s, sd_s))
         drag = AIR_KG_M3 * DRAG_COEFFICIENT * np.pi * self.diameter_m ** 3 / 8.0 / self.mass_kg
-        return ANY_BALL._replace(drag=(drag, drag / 3.0))
+        return ANY_BALL._replace(drag=(drag, drag / 3.0), readout=(mean_s, sd_s))
 
 
 @dataclass(frozen=True)
@@ -128,21 +135,26 @@ def track_clip(clip: Clip, view: View, progress: Progress = lambda done, note: N
     left_out = [f"{clip.name}: {_span(flight)}: it falls with another acceleration than the other balls"
                 for flight in found if flight not in flights]
     warnings = _doubts(clip, seen)
+    sheets = [sheet for flight in flights if (sheet := sheet_beside(flight, seen.sheets)) is not None]
     calibration = calibrate(flights, scene.luma, diameter_m=view.diameter_m, marks=view.marks, tag_m=view.tag_m,
+                            sheets=sheets,
                             clock_sd=STATED_CLOCK_SD if clip.path.is_dir() else FILE_CLOCK_SD)
     if not flights:
         return TrackedClip(clip, seen.end_s, warnings=(*warnings, _no_flight(clip, seen)), left_out=tuple(left_out))
-    flights, shared = pool([settle(flight.blobs, view.priors) or flight for flight in flights], view.priors)
+    priors = view.priors(clip.rate_hz * clip.slow_motion if not clip.path.is_dir() else clip.rate_hz)
+    flights, shared = pool([settle(flight.blobs, priors) or flight for flight in flights], priors)
     test = measure_gravity(flights, shared, calibration, view.diameter_m)
     own, *others = ([flights] if calibration.metres_per_px is None else
-                    exits_of(flights, calibration.metres_per_px, view.exit_px))
+                    exits_of(flights, calibration.metres_per_px, view.exit_px,
+                             [sheet_beside(flight, seen.sheets) for flight in flights]))
     if others:
         left_out += [f"{clip.name}: {_span(flight)}: it begins elsewhere" for group in others for flight in group]
         warnings.append(f"{clip.name}: flights begin at {1 + len(others)} places; used are the {len(own)} from pixel "
                         f"{own[0].blobs[0].x_px:.0f},{own[0].blobs[0].y_px:.0f}; another launcher, or throws by hand? "
                         "--exit X,Y chooses the place")
-    placed = place_flights(own, calibration, shared.readout[0], noise_factors(own), view.release_height_m,
-                           view.exit_px) if calibration.metres_per_px is not None else []
+    placed = [] if calibration.metres_per_px is None else place_flights(
+        own, calibration, shared.readout[0], noise_factors(own), view.release_height_m, view.exit_px,
+        [sheet_beside(flight, seen.sheets) for flight in own])
     return TrackedClip(clip, seen.end_s, tuple(own), tuple(placed), calibration, test,
                        (*warnings, *(f"{clip.name}: {line}" for line in calibration.warnings)), tuple(left_out))
 
@@ -156,6 +168,7 @@ class Seen:
     blobs: int = 0
     shifts_px: list[float] = field(default_factory=list)
     upright: bool = False
+    sheets: list[Sheet] = field(default_factory=list)
 
 
 def _blobs(clip: Clip, scene: Background, seen: Seen, progress: Progress) -> Iterator[list[Blob]]:
@@ -167,6 +180,8 @@ def _blobs(clip: Clip, scene: Background, seen: Seen, progress: Progress) -> Ite
         if frame.time_s - looked_s >= EVERY_S:
             looked_s = frame.time_s
             seen.shifts_px.append(scene.shift_px(frame))
+            if (sheet := find_sheet(scene.luma, frame.time_s)) is not None:
+                seen.sheets.append(sheet)
             progress(min(frame.time_s / clip.duration_s, 0.99) if clip.duration_s else 0.0, f"{frame.time_s:.0f} s")
         yield blobs
 
