@@ -6,6 +6,7 @@ short, a second launcher and a gravity that is not the earth's each get a senten
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -104,17 +105,39 @@ class TrackedClip:
                 f"positions, residual {flight.unit_px * rms(flight):.2f} px")
         if self.calibration is None or self.calibration.metres_per_px is None:
             return said
-        unit_m = flight.unit_px * self.calibration.metres_per_px
-        velocity, share = unit_m * flight.fit.values[[VX, VZ]], self.calibration.scale_sd
+        launch = self.launch(number)
+        return (f"{said}, {launch.speed_m_s:.2f} +- {launch.speed_sd_m_s:.2f} m/s at {launch.elevation_deg:.1f} +- "
+                f"{launch.elevation_sd_deg:.1f} degrees when first seen")
+
+    def launch(self, number: int) -> "Launch":
+        """Return speed and elevation of a flight when it is first seen; the clip has a scale."""
+        flight, calibration = self.flights[number], self.calibration
+        assert calibration is not None and calibration.metres_per_px is not None
+        unit_m, share = flight.unit_px * calibration.metres_per_px, calibration.scale_sd
+        velocity = unit_m * flight.fit.values[[VX, VZ]]
+        covariance = unit_m ** 2 * flight.fit.covariance[np.ix_([VX, VZ], [VX, VZ])]
         speed = float(np.hypot(*velocity))
         along = velocity / max(speed, 1e-9)
-        noise = unit_m * float(np.sqrt(along @ flight.fit.covariance[np.ix_([VX, VZ], [VX, VZ])] @ along))
         across = np.array([-along[1], along[0]])
-        turn = unit_m * float(np.sqrt(across @ flight.fit.covariance[np.ix_([VX, VZ], [VX, VZ])] @ across)) / speed
-        angle = np.degrees(np.arctan2(velocity[1], abs(velocity[0])))
-        doubt = np.hypot(np.degrees(turn), self.calibration.tilt_sd_deg)
-        return (f"{said}, {speed:.2f} +- {np.hypot(noise, speed * share):.2f} m/s at {angle:.1f} +- {doubt:.1f} "
-                "degrees when first seen")
+        noise, turn = (float(np.sqrt(way @ covariance @ way)) for way in (along, across))
+        way = -1.0 if velocity[0] < 0.0 else 1.0
+        angle = np.degrees(np.arctan2(velocity[1], abs(velocity[0])) + way * calibration.tilt_rad)
+        return Launch(speed, float(np.hypot(noise, speed * share)), float(angle),
+                      float(np.hypot(np.degrees(turn / max(speed, 1e-9)), calibration.tilt_sd_deg)))
+
+
+class Launch(NamedTuple):
+    """A ball when it is first seen.
+
+    Fields:
+        speed_m_s, elevation_deg: Of its motion in the plane of the view.
+        speed_sd_m_s, elevation_sd_deg: Standard deviations, scale and level included.
+    """
+
+    speed_m_s: float
+    speed_sd_m_s: float
+    elevation_deg: float
+    elevation_sd_deg: float
 
 
 def rms(flight: Flight) -> float:
