@@ -32,7 +32,7 @@ SHEET_TAG, SHEET_M = 586, 0.24        # of the family 36h11; side of its black s
 SHEET_SD, SHEET_LEVEL_SD_DEG = 0.01, 1.0          # chosen: a sheet a hand off the plane of the flight; hung up by eye
 FLOOR_SIDES, FLOOR_SD_DEG = 8.0, 0.4  # sides of the sheet between two places of the robot; chosen: a hall's floor
 EXIT_FROM_SHEET_M = (0.40, 0.0)       # the exit, ahead of the sheet's centre and above it
-PATTERN_PX = 64                       # of a tag's pattern that is aligned with a picture; its cells are 8
+TAG_CELLS, UP = 8, 2                  # of a tag's side; by which a picture is enlarged to align the tag
 SHEET_S = 1.5                         # before a flight within which the sheet was where it is
 SHEET_MOVED_PX = 4.0                  # farther apart, it was at two places
 CLASH_SDS = 3.0                       # two sources farther apart are not both right
@@ -197,18 +197,24 @@ def find_tags(picture: Image) -> list[tuple[int, Floats]]:
     """
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     corners, numbers, _ = cv2.aruco.ArucoDetector(family).detectMarkers(picture)
-    return [(int(number), _aligned(picture, cv2.aruco.generateImageMarker(family, int(number), PATTERN_PX),
-                                   np.asarray(one, dtype=np.float32).reshape(4, 2)))
-            for number, one in zip([] if numbers is None else np.ravel(numbers), corners, strict=True)]
+    found = []
+    for number, one in zip([] if numbers is None else np.ravel(numbers), corners, strict=True):
+        ends = np.asarray(one, dtype=np.float32).reshape(4, 2)
+        cell_px = max(round(UP * float(np.ptp(ends, axis=0).max()) / TAG_CELLS), 4)
+        pattern = cv2.aruco.generateImageMarker(family, int(number), TAG_CELLS * cell_px)
+        found.append((int(number), _aligned(picture, pattern, ends)))
+    return found
 
 
 def _aligned(picture: Image, pattern: Image, corners: npt.NDArray[np.float32]) -> Floats:
     """Corners of a tag by aligning its pattern, white edge included; those given if that does not converge."""
-    edge, reach = PATTERN_PX // 8, np.ptp(corners, axis=0).max() / 2.0
+    side, reach = len(pattern), np.ptp(corners, axis=0).max() / 2.0
     (x0, y0), (x1, y1) = (corners.min(axis=0) - reach).clip(0).astype(int), (corners.max(axis=0) + reach).astype(int)
-    part = cv2.resize(picture[y0:y1, x0:x1], None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC)
-    flat = edge - 0.5 + PATTERN_PX * np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
-    ends = ((corners - [x0, y0] + 0.5) * 2.0 - 0.5).astype(np.float32)
+    # both at one scale, for alignment blurs both
+    part = cv2.resize(picture[y0:y1, x0:x1], None, fx=UP, fy=UP, interpolation=cv2.INTER_CUBIC)
+    edge = side // TAG_CELLS
+    flat = edge - 0.5 + side * np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
+    ends = ((corners - [x0, y0] + 0.5) * UP - 0.5).astype(np.float32)
     try:
         _, turn = cv2.findTransformECC(
             cv2.copyMakeBorder(pattern, edge, edge, edge, edge, cv2.BORDER_CONSTANT, value=255), part,
@@ -216,7 +222,7 @@ def _aligned(picture: Image, pattern: Image, corners: npt.NDArray[np.float32]) -
             (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-5))
     except cv2.error:
         return corners.astype(np.float64)
-    refined: Floats = ((flat @ turn[:, :2].T + turn[:, 2]) + 0.5) / 2.0 - 0.5 + np.array([x0, y0], dtype=np.float64)
+    refined: Floats = ((flat @ turn[:, :2].T + turn[:, 2]) + 0.5) / UP - 0.5 + np.array([x0, y0], dtype=np.float64)
     return refined
 
 

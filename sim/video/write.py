@@ -8,13 +8,15 @@ import cv2
 import msgspec
 import numpy as np
 
-from truearc.errors import save_whole
+from truearc.errors import InputError, save_whole
 from truearc.robot.config.rig_spec import Rig, Tracker
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import LEFT_OUT, save_dataset
+from truearc.sim.physics.simulate import trajectories
 from truearc.sim.printed import save_csv
+from truearc.sim.video.ballistics import Floats
 from truearc.sim.video.match import match_by_order, match_times
-from truearc.sim.video.overlay import draw_flight
+from truearc.sim.video.overlay import draw_clip, draw_flight
 from truearc.sim.video.track import TrackedClip
 
 COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_z_m")
@@ -124,10 +126,40 @@ def with_tracker(rig: Rig, clips: Sequence[TrackedClip]) -> Rig:
         tilt_sd_deg=round(max(one.tilt_sd_deg for one in known), 3)))
 
 
-def save_pictures(folder: Path, one: TrackedClip) -> None:
-    """Write a picture of each flight of a clip into a folder of the dataset."""
+def save_pictures(folder: Path, one: TrackedClip, names: Sequence[str] = (), recorded: Dataset | None = None) -> None:
+    """Write a picture of each flight of a clip, and one of all, into a folder of the dataset.
+
+    Args:
+        folder: Of the dataset.
+        one: The clip.
+        names: shot_id of each flight, "" for none.
+        recorded: The recording's shots, for colours by outcome and the simulation's flights.
+    """
     (folder / PICTURES).mkdir(parents=True, exist_ok=True)
+    if one.flights:
+        done, data = cv2.imencode(".jpg", draw_clip(one, *_of_shots(one, names, recorded)))
+        if done:
+            save_whole(folder / PICTURES / f"{one.clip.name}.jpg", data.tobytes())
     for number in range(len(one.flights)):
         done, data = cv2.imencode(".jpg", draw_flight(one, number))
         if done:
             save_whole(folder / PICTURES / f"{one.clip.name}-{number + 1:03d}.jpg", data.tobytes())
+
+
+def _of_shots(one: TrackedClip, names: Sequence[str],
+              recorded: Dataset | None) -> tuple[list[str], list[Floats | None]]:
+    """(outcome, simulated flight) of each flight of a clip."""
+    nothing: list[Floats | None] = [None] * len(one.flights)
+    if recorded is None:
+        return [""] * len(one.flights), nothing
+    row_of = {name: row for row, name in enumerate(recorded.shots.shot_id)}
+    rows = [row_of.get(name, -1) for name in names]
+    outcomes = recorded.shots.text("outcome")
+    said = [outcomes[row] if row >= 0 else "" for row in rows]
+    used = [row for row in rows if row >= 0]
+    try:
+        paths = trajectories(recorded.facts, {}, recorded.shots.take(used)) if used else ()
+    except InputError:                # shots without wheels, hood or distance have no simulation
+        return said, nothing
+    flown = dict(zip(used, paths, strict=True))
+    return said, [flown[row][0][:, [0, 2]] if row in flown else None for row in rows]

@@ -8,20 +8,23 @@ from typing import TYPE_CHECKING
 
 import truearc as ta
 from truearc.cli import common
-from truearc.errors import InputError
+from truearc.errors import InputError, save_whole
 
 if TYPE_CHECKING:
     from truearc.sim.printed import Progress
     from truearc.sim.video.calibrate import Mark
     from truearc.sim.video.track import TrackedClip
 
+BALL_M = 0.178                        # of the guide, where none is stated: the foam ball of the shipped robot
 WRITTEN = (*common.DATASET, "flights")
 
 
 def track_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("clips", type=Path, nargs="+", metavar="CLIP", help="video file, or folder of pictures")
-    parser.add_argument("-o", "--out", type=common.OutFolder(WRITTEN), required=True, metavar="DIR",
-                        help="dataset folder to write: tracks.csv, shots.csv, a picture a flight")
+    parser.add_argument("clips", type=Path, nargs="*", metavar="CLIP", help="video file, or folder of pictures")
+    parser.add_argument("-o", "--out", type=common.OutFolder(WRITTEN), metavar="DIR",
+                        help="dataset folder to write: tracks.csv, shots.csv, a picture a flight and a clip")
+    parser.add_argument("--guide", type=common.out_file, metavar="PAGE", help="write a page that says how to film and "
+                        "what a clip will be worth, with the sheet to print; needs no clip")
     parser.add_argument("--ball-diameter", type=common.number(float, 0.01, 1.0), metavar="M", help="in m (default: of "
                         "--rig or --session; without one, the ball that gravity asks for is said)")
     parser.add_argument("--rig", metavar="FILE", help="rig.toml or launcher.toml: ball, release height, target")
@@ -67,6 +70,18 @@ def track(args: argparse.Namespace) -> int:
     the others go on. With --session, flights get the shots of a recording; if two ways to match them fit alike, both
     are named, and neither is used.
     """
+    if args.guide is not None:
+        from truearc.sim.video.guide import make_guide
+        save_whole(args.guide, make_guide(args.ball_diameter or BALL_M).encode())
+        print(f"{args.guide}: print the sheet on paper of size A3, without scaling")
+        if not args.clips:
+            return 0
+    if not args.clips or args.out is None:
+        raise InputError("name the clips and, with -o, the dataset to write; or --guide PAGE, how to film")
+    return _track(args)
+
+
+def _track(args: argparse.Namespace) -> int:
     from truearc.sim.video import write
     from truearc.sim.video.frames import open_clip
     from truearc.sim.video.track import View, track_clip
@@ -93,8 +108,8 @@ def track(args: argparse.Namespace) -> int:
     named = write.match_flights(clips, recorded, args.by_order) if recorded else write.name_flights(clips)
     print(*named.lines, sep="\n", end="\n" if named.lines else "")
     saved = write.save_tracks(args.out, clips, named, rig, recorded)
-    for one in clips:
-        write.save_pictures(args.out, one)
+    for one, names in zip(clips, named.shot_id, strict=True):
+        write.save_pictures(args.out, one, names, recorded)
     print(f"{args.out}: {saved} flights in tracks.csv; pictures in {args.out / write.PICTURES}")
     for line in advice(rig is not None, saved, args):
         print(line)

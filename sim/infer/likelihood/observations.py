@@ -158,9 +158,8 @@ def measure_scatter(samples: Samples, believed_m: float) -> Scatter:
     long = [k for k, real in enumerate(samples.real) if real.sum() >= ENOUGH_SAMPLES]
     if not long:
         return Scatter(np.where(unmeasured, UNMEASURED_M, believed_m), np.zeros(3))
-    residuals = [_detrend(samples.time_s[k][samples.real[k]], samples.position_m[k][samples.real[k]]) for k in long]
-    if samples.wider is not None:
-        residuals = [r / samples.wider[k][samples.real[k]] for r, k in zip(residuals, long, strict=True)]
+    residuals = [_detrend(samples.time_s[k][samples.real[k]], samples.position_m[k][samples.real[k]],
+                          None if samples.wider is None else samples.wider[k][samples.real[k]]) for k in long]
     square = sum((r**2).sum(0) for r in residuals) / sum(len(r) for r in residuals)
     together = sum((r[1:] * r[:-1]).sum(0) for r in residuals) / sum(len(r) for r in residuals)
     typical = sorted(long, key=lambda k: samples.real[k].sum())[len(long) // 2]
@@ -212,9 +211,18 @@ def _memory(samples: Samples, scatter: Scatter) -> Float[Array, "n gaps 3"]:
     return np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
 
 
-def _detrend(time_s: Float[Array, " L"], position_m: Float[Array, "L k"]) -> Float[Array, "L k"]:
+def _detrend(time_s: Float[Array, " L"], position_m: Float[Array, "L k"],
+             wider: Float[Array, "L k"] | None = None) -> Float[Array, "L k"]:
+    """What a smooth curve leaves of positions; / wider, and weighted by that, where it is given."""
     basis = _smooth(time_s)
+    if wider is not None:
+        return np.stack([_detrend_one(basis / wide[:, None], one / wide)
+                         for one, wide in zip(position_m.T, wider.T, strict=True)], axis=1)
     return np.asarray(position_m - basis @ np.linalg.lstsq(basis, position_m, rcond=None)[0])
+
+
+def _detrend_one(basis: Float[Array, "L 5"], one: Float[Array, " L"]) -> Float[Array, " L"]:
+    return np.asarray(one - basis @ np.linalg.lstsq(basis, one, rcond=None)[0])
 
 
 def _smooth(time_s: Float[Array, " L"]) -> Float[Array, "L 5"]:
