@@ -28,6 +28,7 @@ DEPTH_SD = 0.015                      # a mark a hand before or behind the fligh
 TAG_SD_PX = 0.3                       # of a corner of an AprilTag
 LEVEL_SD_DEG = 2.0                    # a phone levelled by eye, and a tag or stick put up by eye
 FILE_CLOCK_SD, STATED_CLOCK_SD = 0.002, 0.02      # times that a file states for each frame; a rate that the user states
+SHEET = "the sheet"
 SHEET_TAG, SHEET_M = 586, 0.24        # of the family 36h11; side of its black square on paper of size A3
 SHEET_SD, SHEET_LEVEL_SD_DEG = 0.01, 1.0          # chosen: a sheet a hand off the plane of the flight; hung up by eye
 FLOOR_SIDES, FLOOR_SD_DEG = 8.0, 0.4  # sides of the sheet between two places of the robot; chosen: a hall's floor
@@ -136,7 +137,7 @@ def calibrate(flights: Sequence[Flight], picture: Image, *, diameter_m: float | 
         tilts.append(tilt)
     if sheets:
         side_px = float(np.median([sheet.side_px for sheet in sheets]))
-        sources.append(Source("the sheet", SHEET_M / side_px, float(np.hypot(TAG_SD_PX / side_px, SHEET_SD))))
+        sources.append(Source(SHEET, SHEET_M / side_px, float(np.hypot(TAG_SD_PX / side_px, SHEET_SD))))
         tilts.append(_level_by(sheets))
     if len(marks) >= 2:
         source, tilt = _by_marks(marks)

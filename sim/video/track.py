@@ -15,6 +15,7 @@ from truearc.sim.video.background import Background, differences
 from truearc.sim.video.ballistics import VX, VZ, Priors
 from truearc.sim.video.calibrate import (
     FILE_CLOCK_SD,
+    SHEET,
     STATED_CLOCK_SD,
     Calibration,
     Mark,
@@ -96,6 +97,11 @@ class TrackedClip:
     def begin_s(self) -> np.ndarray:
         """When each flight begins, in the clip."""
         return np.array([flight.blobs[0].time_s for flight in self.flights])
+
+    @property
+    def saw_sheet(self) -> bool:
+        """Whether truearc's sheet was beside the flights."""
+        return self.calibration is not None and any(one.name == SHEET for one in self.calibration.sources)
 
     def line(self, number: int) -> str:
         """Return what is to be said of a flight."""

@@ -1,8 +1,12 @@
 """Tracked clips as the files of a dataset: tracks.csv with standard deviations, shots.csv, rig.toml and pictures."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import html
+import json
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from importlib.resources import files
 from pathlib import Path
+from urllib.parse import quote
 
 import cv2
 import msgspec
@@ -21,6 +25,7 @@ from truearc.sim.video.track import TrackedClip
 
 COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_z_m")
 PICTURES = "flights"                  # folder of the pictures
+CHOOSE = "index.html"                 # the page to accept or reject flights, in that folder
 
 
 @dataclass(frozen=True)
@@ -30,16 +35,18 @@ class Named:
     shot_id: A name a flight, "" where it is no known shot; a tuple a clip.
     lines: How each clip was matched.
     complete: Whether every clip was.
+    rejected: Names of the flights that the user rejected.
     """
 
     shot_id: tuple[tuple[str, ...], ...]
     lines: tuple[str, ...] = ()
     complete: bool = True
+    rejected: frozenset[str] = frozenset()
 
 
 def name_flights(clips: Sequence[TrackedClip]) -> Named:
     """Name flights after their clips, where there is no recording."""
-    return Named(tuple(tuple(f"{one.clip.name}-{number + 1:03d}" for number in range(len(one.flights)))
+    return Named(tuple(tuple(flight_name(one, number) for number in range(len(one.flights)))
                        for one in clips))
 
 
@@ -77,6 +84,35 @@ def match_flights(clips: Sequence[TrackedClip], recorded: Dataset, by_order: boo
     return Named(tuple(names), tuple(lines), complete)
 
 
+def flight_name(one: TrackedClip, number: int) -> str:
+    """Return the name of a flight of a clip, from 0, as its picture has it."""
+    return f"{one.clip.name}-{number + 1:03d}"
+
+
+def reject(named: Named, clips: Sequence[TrackedClip], rejected: Collection[str]) -> Named:
+    """Return the names without those of flights that the user rejected.
+
+    Raises:
+        InputError: There is no flight of such a name.
+    """
+    every = [[flight_name(one, number) for number in range(len(one.flights))] for one in clips]
+    if unknown := sorted(set(rejected) - {name for names in every for name in names}):
+        raise InputError(f"--without: there is no flight {unknown[0]}; expected names of pictures, such as clip-001")
+    return replace(named, rejected=frozenset(rejected), shot_id=tuple(
+        tuple("" if flight in rejected else name for name, flight in zip(names, flights, strict=True))
+        for names, flights in zip(named.shot_id, every, strict=True)))
+
+
+def make_choice(clips: Sequence[TrackedClip], rejected: Collection[str]) -> str:
+    """Return the page on which flights are accepted or rejected by key; it ends in the option that says which."""
+    figures = "".join(
+        f'<figure data-name="{html.escape(name)}"><img loading="lazy" src="{html.escape(quote(name))}.jpg" alt="">'
+        f"<figcaption>{html.escape(one.line(number))}</figcaption></figure>"
+        for one in clips for number in range(len(one.flights)) if (name := flight_name(one, number)))
+    page = (files("truearc.sim.video") / "choose.html").read_text(encoding="utf-8")
+    return page.replace("<!-- flights -->", figures).replace("/* rejected */", json.dumps(sorted(rejected)))
+
+
 def save_tracks(folder: Path, clips: Sequence[TrackedClip], named: Named, rig: Rig | None,
                 recorded: Dataset | None = None) -> int:
     """Write the dataset of tracked clips; return the number of flights in tracks.csv.
@@ -94,7 +130,9 @@ def save_tracks(folder: Path, clips: Sequence[TrackedClip], named: Named, rig: R
     for one, names in zip(clips, named.shot_id, strict=True):
         for number, (name, placed) in enumerate(zip(names, one.placed, strict=False)):
             if not name:
-                left_out.append(f"{one.clip.name} flight {number + 1}: belongs to no recorded shot")
+                why = ("rejected by the user" if flight_name(one, number) in named.rejected else
+                       "belongs to no recorded shot")
+                left_out.append(f"{one.clip.name} flight {number + 1}: {why}")
                 continue
             flights.append((name, one.clip.name, float(placed.time_s[0])))
             rows += [(name, f"{t - placed.time_s[0]:.6f}", f"{x:.5f}", "", f"{z:.5f}", f"{sx:.5f}", f"{sz:.5f}")
@@ -143,7 +181,7 @@ def save_pictures(folder: Path, one: TrackedClip, names: Sequence[str] = (), rec
     for number in range(len(one.flights)):
         done, data = cv2.imencode(".jpg", draw_flight(one, number))
         if done:
-            save_whole(folder / PICTURES / f"{one.clip.name}-{number + 1:03d}.jpg", data.tobytes())
+            save_whole(folder / PICTURES / f"{flight_name(one, number)}.jpg", data.tobytes())
 
 
 def _of_shots(one: TrackedClip, names: Sequence[str],

@@ -31,6 +31,8 @@ def track_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--session", type=Path, metavar="SESSION", help="recorded session, to whose shots the "
                         "flights are matched by the pattern of their times")
     parser.add_argument("--by-order", action="store_true", help="match the first flight to the first shot, and so on")
+    parser.add_argument("--without", action="append", default=[], metavar="FLIGHT", help="leave out a flight, by the "
+                        "name of its picture; flights/index.html shows all, and says this option for those you reject")
     parser.add_argument("--mark", type=parse_mark, action="append", default=[], metavar="X,Y=x,z", help="a known "
                         "place: its pixel, and metres ahead of the exit and above the floor; two give scale and level")
     parser.add_argument("--tag-size", type=common.number(float, 0.01, 2.0), metavar="M", help="side of the black "
@@ -106,12 +108,15 @@ def _track(args: argparse.Namespace) -> int:
     if not clips:
         raise InputError("no clip could be read")
     named = write.match_flights(clips, recorded, args.by_order) if recorded else write.name_flights(clips)
+    named = write.reject(named, clips, args.without)
     print(*named.lines, sep="\n", end="\n" if named.lines else "")
     saved = write.save_tracks(args.out, clips, named, rig, recorded)
     for one, names in zip(clips, named.shot_id, strict=True):
         write.save_pictures(args.out, one, names, recorded)
-    print(f"{args.out}: {saved} flights in tracks.csv; pictures in {args.out / write.PICTURES}")
-    for line in advice(rig is not None, saved, args):
+    save_whole(args.out / write.PICTURES / write.CHOOSE, write.make_choice(clips, args.without).encode())
+    print(f"{args.out}: {saved} flights in tracks.csv; look at them in {args.out / write.PICTURES / write.CHOOSE}")
+    knows_exit = bool(args.exit or args.mark) or all(one.saw_sheet for one in clips if one.placed)
+    for line in advice(rig is not None, saved, knows_exit, args.out):
         print(line)
     sound = all(one.self_test is not None and one.self_test.is_sound for one in clips)
     return 2 if unread else 0 if sound and named.complete else 1
@@ -129,15 +134,16 @@ def say_clip(one: "TrackedClip") -> None:
         print(f"left out: {line}")
 
 
-def advice(has_rig: bool, saved: int, args: argparse.Namespace) -> list[str]:
+def advice(has_rig: bool, saved: int, knows_exit: bool, out: Path) -> list[str]:
     """Return what to do next."""
     found = []
-    if saved and args.exit is None and not args.mark:
-        found.append("note: heights count from where flights are first seen; --exit X,Y or --mark X,Y=x,z is exact")
+    if saved and not knows_exit:
+        found.append("note: heights count from where flights are first seen; the sheet of --guide, --exit X,Y or "
+                     "--mark X,Y=x,z is exact")
     if not has_rig:
-        found.append(f"note: {args.out} has no rig.toml; `truearc init --tracks DIR` makes one to fill in for --rig")
+        found.append(f"note: {out} has no rig.toml; `truearc init --tracks DIR` makes one to fill in for --rig")
     elif saved:
-        found.append(f"next: truearc discover {args.out}")
+        found.append(f"next: truearc discover {out}")
     return found
 
 
