@@ -94,6 +94,14 @@ class Tracks(ShotSamples):
 
 
 @dataclass(frozen=True)
+class NoisyTracks(Tracks):
+    """Tracks whose samples are not equally accurate: standard deviations across and up. Only their ratios count."""
+
+    sigma_x_m: Floats
+    sigma_z_m: Floats
+
+
+@dataclass(frozen=True)
 class Times(ShotSamples):
     """When the ball passed a height, in s after its release, with the standard deviation of that time."""
 

@@ -19,10 +19,11 @@ from truearc.errors import InputError, load_text, make_toml, near_key, parse_str
 from truearc.robot.config.rig_spec import Rig, as_table, rig_errors
 from truearc.robot.config.targets import misplaced
 from truearc.sim.data import table as cols
-from truearc.sim.data.dataset import Dataset, Shots, Times, Traces, Tracks, Written
+from truearc.sim.data.dataset import Dataset, NoisyTracks, Shots, Times, Traces, Tracks, Written
 from truearc.sim.data.table import Cell, Problems, RawTable, as_cell, find_table, gathered, load_table
 
 TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")
+TRACK_NOISE = ("sigma_x_m", "sigma_z_m")
 TIME_COLUMNS = ("shot_id", "height_m", "t_s", "sigma_s")
 SAMPLES = ("tracks", "traces", "times")
 THREES = ("three", "3", "3.0")
@@ -88,7 +89,7 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
                     "side of misses instead, short, long, left or right")
     _check_wheels(shots, rig, problems)
     row_of = {name: row for row, name in enumerate(checked.shot_id)}
-    tracks = tracks and cols.in_read_units(tracks, TRACK_COLUMNS.__contains__, problems)
+    tracks = tracks and cols.in_read_units(tracks, (*TRACK_COLUMNS, *TRACK_NOISE).__contains__, problems)
     return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems),
                    track_columns=tracks.written if tracks else {}, times=_times(times, row_of, problems))
 
@@ -244,7 +245,13 @@ def _tracks(table: RawTable | None, row_of: dict[str, int], problems: Problems) 
     t_s, x_m, z_m = (cols.number_column(table, name, problems) for name in ("t_s", "x_m", "z_m"))
     y_m = np.zeros(len(t_s)) if is_flat else cols.number_column(table, "y_m", problems)
     _check_order(table, shot, t_s, problems)
-    return Tracks(shot, t_s, x_m, y_m, z_m)
+    if not set(TRACK_NOISE) <= table.columns.keys():
+        return Tracks(shot, t_s, x_m, y_m, z_m)
+    sigmas = [cols.number_column(table, name, problems) for name in TRACK_NOISE]
+    for name, sigma in zip(TRACK_NOISE, sigmas, strict=True):
+        for row in np.flatnonzero(sigma <= 0.0):
+            table.fault(problems, int(row), name, f"{table.shown(name, sigma[row])} must be above 0")
+    return NoisyTracks(shot, t_s, x_m, y_m, z_m, *sigmas)
 
 
 def _times(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Times | None:

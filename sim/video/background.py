@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from truearc.sim.video.frames import Clip, Frame, Image
 
-MEMORY_S, SAMPLES = 2.0, 15
+MEMORY_S, SAMPLES = 2.0, 15          # a break of half of that begins anew
 RENEWED = 4                           # samples after which the median is taken again
 SPARSE = 8                            # of rows and columns, one of which tells of the light and the noise
 FADED = 0.5                           # more or less light than this share is another scene
@@ -35,6 +35,9 @@ class Background:
         """Take a picture as a sample if it is time for one; settle: take the median again when enough are fresh."""
         if self._samples and 0.0 <= frame.time_s - self._samples[-1].time_s < MEMORY_S / SAMPLES:
             return
+        if self._samples and frame.time_s - self._samples[-1].time_s > MEMORY_S / 2.0:      # filmed with breaks
+            self._samples.clear()
+            self._fresh = RENEWED
         self._samples.append(frame)
         self._fresh += 1
         if settle and (self._fresh >= RENEWED or not self.luma.size):

@@ -116,7 +116,7 @@ def fit_flight(t_s: Floats, place: Floats, sigma: Floats, row: Floats, priors: P
     values[DRAG:], prior = np.array(priors)[:, 0], np.zeros(len(values))
     centre, prior[DRAG:] = values.copy(), np.array(priors)[:, 1] ** -2
     for number in range(STEPS):
-        jacobian, fitted = _derivatives(values, t_s, row)
+        jacobian, fitted = derivatives(values, t_s, row)
         residual = place - fitted
         size = np.hypot(residual[:, 0], residual[:, 1]) / sigma
         free = max(2.0 * weight.sum() - 5.0, 1.0)
@@ -137,7 +137,7 @@ def fit_flight(t_s: Floats, place: Floats, sigma: Floats, row: Floats, priors: P
                 rest = score[others] - information[others, bound] * change[bound]
                 change[others] = np.linalg.solve(information[np.ix_(others, others)], rest)
         values = values + change
-    return FlightFit(values, np.linalg.pinv(information), place - _derivatives(values, t_s, row)[1], weight, scatter)
+    return FlightFit(values, np.linalg.pinv(information), place - derivatives(values, t_s, row)[1], weight, scatter)
 
 
 def _parabola(t_s: Floats, place: Floats) -> Floats:
@@ -148,8 +148,8 @@ def _parabola(t_s: Floats, place: Floats) -> Floats:
     return np.array([x, z, vx, vz, -az, 0.0, 0.0, 0.0, 0.0])
 
 
-def _derivatives(values: Floats, t_s: Floats, row: Floats) -> tuple[Floats, Floats]:
-    """(derivatives [n, 2, 9], positions [n, 2]) of a flight."""
+def derivatives(values: Floats, t_s: Floats, row: Floats) -> tuple[Floats, Floats]:
+    """Return derivatives [n, 2, 9] and positions [n, 2] of a flight."""
     beside = np.concatenate([values[:, None], values[:, None] + np.diag(SMALL)], axis=1)
     states = fly(beside, t_s)
     # a row is exposed later than the picture's middle by its share of the read-out, to second order

@@ -1,8 +1,10 @@
 """Metres, level and origin of a side view, each with its standard deviation.
 
-Lengths come from the diameter of the ball, from two or more marks at known places, from an AprilTag of known size, or
-from several of them. Nothing is assumed silently: what was used is listed, and the standard deviations become the
-priors `[tracker]` of rig.toml, within which discovery fits the tracker's scale, tilt and clock.
+Lengths come from the diameter of the ball, from two or more marks at known places, from an AprilTag of known size, from
+truearc's sheet (`truearc track --guide`), or from several of them. The sheet is an AprilTag on the robot, in the plane
+of the flight at a known place beside the exit, so that the exit is known wherever the robot stands. Nothing is assumed
+silently: what was used is listed, and the standard deviations become the priors `[tracker]` of rig.toml, within which
+discovery fits the tracker's scale, tilt and clock.
 Frame: x toward the target, z up from the floor; origin on the floor below the exit.
 """
 
@@ -12,6 +14,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from truearc.errors import InputError
 from truearc.sim.video.ballistics import Floats
@@ -25,6 +28,14 @@ DEPTH_SD = 0.015                      # a mark a hand before or behind the fligh
 TAG_SD_PX = 0.3                       # of a corner of an AprilTag
 LEVEL_SD_DEG = 2.0                    # a phone levelled by eye, and a tag or stick put up by eye
 FILE_CLOCK_SD, STATED_CLOCK_SD = 0.002, 0.02      # times that a file states for each frame; a rate that the user states
+SHEET = "the sheet"
+SHEET_TAG, SHEET_M = 586, 0.24        # of the family 36h11; side of its black square on paper of size A3
+SHEET_SD, SHEET_LEVEL_SD_DEG = 0.01, 1.0          # chosen: a sheet a hand off the plane of the flight; hung up by eye
+FLOOR_SIDES, FLOOR_SD_DEG = 8.0, 0.4  # sides of the sheet between two places of the robot; chosen: a hall's floor
+EXIT_FROM_SHEET_M = (0.40, 0.0)       # the exit, ahead of the sheet's centre and above it
+TAG_CELLS, UP = 8, 2                  # of a tag's side; by which a picture is enlarged to align the tag
+SHEET_S = 1.5                         # before a flight within which the sheet was where it is
+SHEET_MOVED_PX = 4.0                  # farther apart, it was at two places
 CLASH_SDS = 3.0                       # two sources farther apart are not both right
 SAME_EXIT_M = 0.25                    # flights that begin farther apart leave from two launchers
 
@@ -41,6 +52,23 @@ class Mark(NamedTuple):
     y_px: float
     x_m: float
     z_m: float
+
+
+class Sheet(NamedTuple):
+    """truearc's sheet as it was seen.
+
+    Fields:
+        time_s: In the clip.
+        x_px, y_px: Its centre.
+        side_px: Side of its black square.
+        tilt_rad: Angle by which its upper edge points up to the right.
+    """
+
+    time_s: float
+    x_px: float
+    y_px: float
+    side_px: float
+    tilt_rad: float
 
 
 class Source(NamedTuple):
@@ -82,7 +110,7 @@ class Calibration:
 
 
 def calibrate(flights: Sequence[Flight], picture: Image, *, diameter_m: float | None = None,
-              marks: Sequence[Mark] = (), tag_m: float | None = None,
+              marks: Sequence[Mark] = (), tag_m: float | None = None, sheets: Sequence[Sheet] = (),
               clock_sd: float = FILE_CLOCK_SD) -> Calibration:
     """Combine what is known of a clip's lengths.
 
@@ -92,6 +120,7 @@ def calibrate(flights: Sequence[Flight], picture: Image, *, diameter_m: float | 
         diameter_m: Of the ball; None if unknown.
         marks: Known places; two or more give scale and level, one gives the origin.
         tag_m: Side of an AprilTag (36h11) in the plane of the flight; None if there is none.
+        sheets: truearc's sheet, beside each flight where it was seen.
         clock_sd: Of the rate of the clip's clock.
 
     Raises:
@@ -106,6 +135,10 @@ def calibrate(flights: Sequence[Flight], picture: Image, *, diameter_m: float | 
         source, tilt = _by_tag(picture, tag_m)
         sources.append(source)
         tilts.append(tilt)
+    if sheets:
+        side_px = float(np.median([sheet.side_px for sheet in sheets]))
+        sources.append(Source(SHEET, SHEET_M / side_px, float(np.hypot(TAG_SD_PX / side_px, SHEET_SD))))
+        tilts.append(_level_by(sheets))
     if len(marks) >= 2:
         source, tilt = _by_marks(marks)
         sources.append(source)
@@ -149,20 +182,84 @@ def _by_marks(marks: Sequence[Mark]) -> tuple[Source, tuple[float, float]]:
 
 
 def _by_tag(picture: Image, side_m: float) -> tuple[Source, tuple[float, float]]:
-    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11))
-    corners, _, _ = detector.detectMarkers(picture)
+    corners = [one for number, one in find_tags(picture) if number != SHEET_TAG]
     if not corners:
         raise InputError("--tag-size: no AprilTag (36h11) is in view")
-    biggest = max((np.asarray(one, dtype=np.float64).reshape(4, 2) for one in corners),
-                  key=lambda one: cv2.contourArea(one.astype(np.float32)))
-    edges = np.roll(biggest, -1, axis=0) - biggest
+    side_px, tilt = _measured(max(corners, key=lambda one: cv2.contourArea(one.astype(np.float32))))
+    return (Source("the AprilTag", side_m / side_px, float(np.hypot(TAG_SD_PX / side_px, DEPTH_SD))),
+            (tilt, LEVEL_SD_DEG / 2.0))
+
+
+def find_tags(picture: Image) -> list[tuple[int, Floats]]:
+    """Return number and corners [4, 2] (upper left, upper right, lower right, lower left) of each AprilTag (36h11).
+
+    The corners that OpenCV finds on a small tag are wrong by up to a pixel. They are refined by aligning the whole
+    pattern with the picture (Evangelidis and Psarakis 2008).
+    """
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    corners, numbers, _ = cv2.aruco.ArucoDetector(family).detectMarkers(picture)
+    found = []
+    for number, one in zip([] if numbers is None else np.ravel(numbers), corners, strict=True):
+        ends = np.asarray(one, dtype=np.float32).reshape(4, 2)
+        cell_px = max(round(UP * float(np.ptp(ends, axis=0).max()) / TAG_CELLS), 4)
+        pattern = cv2.aruco.generateImageMarker(family, int(number), TAG_CELLS * cell_px)
+        found.append((int(number), _aligned(picture, pattern, ends)))
+    return found
+
+
+def _aligned(picture: Image, pattern: Image, corners: npt.NDArray[np.float32]) -> Floats:
+    """Corners of a tag by aligning its pattern, white edge included; those given if that does not converge."""
+    side, reach = len(pattern), np.ptp(corners, axis=0).max() / 2.0
+    (x0, y0), (x1, y1) = (corners.min(axis=0) - reach).clip(0).astype(int), (corners.max(axis=0) + reach).astype(int)
+    # both at one scale, for alignment blurs both
+    part = cv2.resize(picture[y0:y1, x0:x1], None, fx=UP, fy=UP, interpolation=cv2.INTER_CUBIC)
+    edge = side // TAG_CELLS
+    flat = edge - 0.5 + side * np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
+    ends = ((corners - [x0, y0] + 0.5) * UP - 0.5).astype(np.float32)
+    try:
+        _, turn = cv2.findTransformECC(
+            cv2.copyMakeBorder(pattern, edge, edge, edge, edge, cv2.BORDER_CONSTANT, value=255), part,
+            cv2.estimateAffine2D(flat, ends)[0].astype(np.float32), cv2.MOTION_AFFINE,
+            (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-5))
+    except cv2.error:
+        return corners.astype(np.float64)
+    refined: Floats = ((flat @ turn[:, :2].T + turn[:, 2]) + 0.5) / UP - 0.5 + np.array([x0, y0], dtype=np.float64)
+    return refined
+
+
+def find_sheet(picture: Image, time_s: float) -> Sheet | None:
+    """Return truearc's sheet; None if it is not in view."""
+    for number, corners in find_tags(picture):
+        if number == SHEET_TAG:
+            return Sheet(time_s, *map(float, corners.mean(axis=0)), *_measured(corners))
+    return None
+
+
+def _measured(corners: Floats) -> tuple[float, float]:
+    """(side in pixels, tilt) of a tag. At a slant, width and height differ; the longer pair is nearer the truth."""
+    edges = np.roll(corners, -1, axis=0) - corners
     sides = np.hypot(edges[:, 0], edges[:, 1])
     level = edges[0] - edges[2]       # from the upper left to the upper right corner
-    # seen at a slant, width and height differ; the longer pair is nearer the truth
-    side_px = max(sides[0] + sides[2], sides[1] + sides[3]) / 2.0
-    tilt = float(np.arctan2(level[1], level[0]))
-    return (Source("the AprilTag", side_m / float(side_px), float(np.hypot(TAG_SD_PX / side_px, DEPTH_SD))),
-            (tilt, LEVEL_SD_DEG / 2.0))
+    return float(max(sides[0] + sides[2], sides[1] + sides[3]) / 2.0), float(-np.arctan2(level[1], level[0]))
+
+
+def _level_by(sheets: Sequence[Sheet]) -> tuple[float, float]:
+    """(tilt, its sd in degrees) by where the sheet stood, if it stood far apart on one floor, else by its edges."""
+    x_px, y_px, side_px, tilt = (np.array([getattr(sheet, name) for sheet in sheets])
+                                 for name in ("x_px", "y_px", "side_px", "tilt_rad"))
+    if np.ptp(x_px) > FLOOR_SIDES * np.median(side_px):
+        return float(-np.arctan(np.polyfit(x_px, y_px, 1)[0])), FLOOR_SD_DEG
+    edges = np.degrees(TAG_SD_PX / np.median(side_px))
+    return float(np.median(tilt)), float(np.hypot(SHEET_LEVEL_SD_DEG, edges))
+
+
+def sheet_beside(flight: Flight, sheets: Sequence[Sheet]) -> Sheet | None:
+    """Return where the sheet was during a flight: the median of what was seen since the robot stood there."""
+    begin_s, end_s = flight.blobs[0].time_s, flight.blobs[-1].time_s
+    near = [sheet for sheet in sheets if begin_s - SHEET_S <= sheet.time_s <= end_s]
+    near = [sheet for sheet in near if np.hypot(sheet.x_px - near[-1].x_px, sheet.y_px - near[-1].y_px)
+            < SHEET_MOVED_PX]
+    return Sheet(*map(float, np.median(near, axis=0))) if near else None
 
 
 # --- positions
@@ -183,20 +280,23 @@ class Placed(NamedTuple):
     sigma_z_m: Floats
 
 
-def exits_of(flights: Sequence[Flight], metres_per_px: float,
-             exit_px: tuple[float, float] | None = None) -> list[list[Flight]]:
-    """Group flights by where and in which direction they begin: one group is one launcher.
+def exits_of(flights: Sequence[Flight], metres_per_px: float, exit_px: tuple[float, float] | None = None,
+             sheets: Sequence[Sheet | None] = ()) -> list[list[Flight]]:
+    """Group flights by where, from the sheet if that is seen, and in which direction they begin: a group a launcher.
 
     The largest group is first, or that which begins nearest to the exit if that is known.
     """
+    stands = [np.zeros(2) if sheet is None else np.array([sheet.x_px, sheet.y_px])
+              for sheet in sheets or [None] * len(flights)]
+    began = {id(flight): np.array([flight.blobs[0].x_px, flight.blobs[0].y_px]) - stand
+             for flight, stand in zip(flights, stands, strict=True)}
     groups: list[list[Flight]] = []
     for flight in flights:
         for group in groups:
-            first, other = flight.blobs[0], group[0].blobs[0]
-            second = flight.blobs[1]
+            first, second = flight.blobs[:2]
             step_px = np.hypot(second.x_px - first.x_px, second.y_px - first.y_px)      # a first picture may be missed
-            if _forward(flight) == _forward(group[0]) and np.hypot(
-                    first.x_px - other.x_px, first.y_px - other.y_px) < SAME_EXIT_M / metres_per_px + 2.0 * step_px:
+            apart_px = np.hypot(*(began[id(flight)] - began[id(group[0])]))
+            if _forward(flight) == _forward(group[0]) and apart_px < SAME_EXIT_M / metres_per_px + 2.0 * step_px:
                 group.append(flight)
                 break
         else:
@@ -212,7 +312,8 @@ def _forward(flight: Flight) -> int:
 
 
 def place_flights(flights: Sequence[Flight], calibration: Calibration, readout_s: float, noise_px: tuple[float, float],
-                  release_height_m: float, exit_px: tuple[float, float] | None = None) -> list[Placed]:
+                  release_height_m: float, exit_px: tuple[float, float] | None = None,
+                  sheets: Sequence[Sheet | None] = ()) -> list[Placed]:
     """Return the flights of one launcher in metres.
 
     Args:
@@ -222,6 +323,7 @@ def place_flights(flights: Sequence[Flight], calibration: Calibration, readout_s
         noise_px: Factors of `sigma_px` across and up.
         release_height_m: Height of the exit above the floor, where no mark fixes the origin.
         exit_px: The exit in the picture; None: the mean of where the flights begin.
+        sheets: The sheet beside each flight, which gives the exit where no mark does; None where it was not seen.
     """
     scale, mark = calibration.metres_per_px or 1.0, calibration.anchor
     way = 1 if sum(map(_forward, flights)) >= 0 else -1
@@ -229,7 +331,11 @@ def place_flights(flights: Sequence[Flight], calibration: Calibration, readout_s
     origin = (mark.x_px, mark.y_px, mark.x_m, mark.z_m) if mark else (*begin, 0.0, release_height_m)
     cosine, sine = np.cos(calibration.tilt_rad), np.sin(calibration.tilt_rad)
     placed = []
-    for flight in flights:
+    for flight, sheet in zip(flights, sheets or [None] * len(flights), strict=True):
+        if sheet is not None and not mark and exit_px is None:
+            ahead, above = (one / scale for one in EXIT_FROM_SHEET_M)
+            origin = (sheet.x_px + way * (ahead * cosine + way * above * sine), sheet.y_px - above * cosine
+                      - ahead * sine * way, 0.0, release_height_m)
         across = np.array([blob.x_px for blob in flight.blobs]) - origin[0]
         up = origin[1] - np.array([blob.y_px for blob in flight.blobs])
         sigma = np.array([sigma_px(blob) for blob in flight.blobs]) * scale

@@ -6,6 +6,7 @@ short, a second launcher and a gravity that is not the earth's each get a senten
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,14 +15,18 @@ from truearc.sim.video.background import Background, differences
 from truearc.sim.video.ballistics import VX, VZ, Priors
 from truearc.sim.video.calibrate import (
     FILE_CLOCK_SD,
+    SHEET,
     STATED_CLOCK_SD,
     Calibration,
     Mark,
     Placed,
+    Sheet,
     calibrate,
     exits_of,
+    find_sheet,
     noise_factors,
     place_flights,
+    sheet_beside,
 )
 from truearc.sim.video.detect import Blob, find_blobs
 from truearc.sim.video.frames import Clip
@@ -30,6 +35,8 @@ from truearc.sim.video.selftest import EARTH_M_S2, SelfTest, measure_gravity, po
 
 EVERY_S = 0.5                         # how often the camera's movement is looked at
 STILL_PX = 1.0                        # movement of a still camera: noise, and people who walk through
+# Derived: of the time between two pictures, the read-out takes less than all; phones that film 60 a second take most
+READOUT_SHARE = (0.7, 0.3)            # mean and standard deviation
 AIR_KG_M3, DRAG_COEFFICIENT = 1.2, 0.5            # of a ball that is not very smooth and fast
 FEW_HZ = 20.0                         # pictures a second below which a flight is seen in too few of them
 
@@ -53,13 +60,15 @@ class View:
     release_height_m: float = 0.0
     mass_kg: float | None = None
 
-    @property
-    def priors(self) -> Priors:
-        """What a single flight is expected to be, in diameters."""
+    def priors(self, rate_hz: float) -> Priors:
+        """Return what a single flight is expected to be, in diameters, at this many pictures a second."""
+        mean_s, sd_s = ANY_BALL.readout
+        if rate_hz > 0.0:             # a picture is read before the next begins
+            mean_s, sd_s = min(mean_s, READOUT_SHARE[0] / rate_hz), min(sd_s, READOUT_SHARE[1] / rate_hz)
         if self.mass_kg is None or self.diameter_m is None:
-            return ANY_BALL
+            return ANY_BALL._replace(readout=(mean_s, sd_s))
         drag = AIR_KG_M3 * DRAG_COEFFICIENT * np.pi * self.diameter_m ** 3 / 8.0 / self.mass_kg
-        return ANY_BALL._replace(drag=(drag, drag / 3.0))
+        return ANY_BALL._replace(drag=(drag, drag / 3.0), readout=(mean_s, sd_s))
 
 
 @dataclass(frozen=True)
@@ -89,6 +98,11 @@ class TrackedClip:
         """When each flight begins, in the clip."""
         return np.array([flight.blobs[0].time_s for flight in self.flights])
 
+    @property
+    def saw_sheet(self) -> bool:
+        """Whether truearc's sheet was beside the flights."""
+        return self.calibration is not None and any(one.name == SHEET for one in self.calibration.sources)
+
     def line(self, number: int) -> str:
         """Return what is to be said of a flight."""
         flight = self.flights[number]
@@ -97,17 +111,39 @@ class TrackedClip:
                 f"positions, residual {flight.unit_px * rms(flight):.2f} px")
         if self.calibration is None or self.calibration.metres_per_px is None:
             return said
-        unit_m = flight.unit_px * self.calibration.metres_per_px
-        velocity, share = unit_m * flight.fit.values[[VX, VZ]], self.calibration.scale_sd
+        launch = self.launch(number)
+        return (f"{said}, {launch.speed_m_s:.2f} +- {launch.speed_sd_m_s:.2f} m/s at {launch.elevation_deg:.1f} +- "
+                f"{launch.elevation_sd_deg:.1f} degrees when first seen")
+
+    def launch(self, number: int) -> "Launch":
+        """Return speed and elevation of a flight when it is first seen; the clip has a scale."""
+        flight, calibration = self.flights[number], self.calibration
+        assert calibration is not None and calibration.metres_per_px is not None
+        unit_m, share = flight.unit_px * calibration.metres_per_px, calibration.scale_sd
+        velocity = unit_m * flight.fit.values[[VX, VZ]]
+        covariance = unit_m ** 2 * flight.fit.covariance[np.ix_([VX, VZ], [VX, VZ])]
         speed = float(np.hypot(*velocity))
         along = velocity / max(speed, 1e-9)
-        noise = unit_m * float(np.sqrt(along @ flight.fit.covariance[np.ix_([VX, VZ], [VX, VZ])] @ along))
         across = np.array([-along[1], along[0]])
-        turn = unit_m * float(np.sqrt(across @ flight.fit.covariance[np.ix_([VX, VZ], [VX, VZ])] @ across)) / speed
-        angle = np.degrees(np.arctan2(velocity[1], abs(velocity[0])))
-        doubt = np.hypot(np.degrees(turn), self.calibration.tilt_sd_deg)
-        return (f"{said}, {speed:.2f} +- {np.hypot(noise, speed * share):.2f} m/s at {angle:.1f} +- {doubt:.1f} "
-                "degrees when first seen")
+        noise, turn = (float(np.sqrt(way @ covariance @ way)) for way in (along, across))
+        way = -1.0 if velocity[0] < 0.0 else 1.0
+        angle = np.degrees(np.arctan2(velocity[1], abs(velocity[0])) + way * calibration.tilt_rad)
+        return Launch(speed, float(np.hypot(noise, speed * share)), float(angle),
+                      float(np.hypot(np.degrees(turn / max(speed, 1e-9)), calibration.tilt_sd_deg)))
+
+
+class Launch(NamedTuple):
+    """A ball when it is first seen.
+
+    Fields:
+        speed_m_s, elevation_deg: Of its motion in the plane of the view.
+        speed_sd_m_s, elevation_sd_deg: Standard deviations, scale and level included.
+    """
+
+    speed_m_s: float
+    speed_sd_m_s: float
+    elevation_deg: float
+    elevation_sd_deg: float
 
 
 def rms(flight: Flight) -> float:
@@ -128,21 +164,26 @@ def track_clip(clip: Clip, view: View, progress: Progress = lambda done, note: N
     left_out = [f"{clip.name}: {_span(flight)}: it falls with another acceleration than the other balls"
                 for flight in found if flight not in flights]
     warnings = _doubts(clip, seen)
+    sheets = [sheet for flight in flights if (sheet := sheet_beside(flight, seen.sheets)) is not None]
     calibration = calibrate(flights, scene.luma, diameter_m=view.diameter_m, marks=view.marks, tag_m=view.tag_m,
+                            sheets=sheets,
                             clock_sd=STATED_CLOCK_SD if clip.path.is_dir() else FILE_CLOCK_SD)
     if not flights:
         return TrackedClip(clip, seen.end_s, warnings=(*warnings, _no_flight(clip, seen)), left_out=tuple(left_out))
-    flights, shared = pool([settle(flight.blobs, view.priors) or flight for flight in flights], view.priors)
+    priors = view.priors(clip.rate_hz * clip.slow_motion if not clip.path.is_dir() else clip.rate_hz)
+    flights, shared = pool([settle(flight.blobs, priors) or flight for flight in flights], priors)
     test = measure_gravity(flights, shared, calibration, view.diameter_m)
     own, *others = ([flights] if calibration.metres_per_px is None else
-                    exits_of(flights, calibration.metres_per_px, view.exit_px))
+                    exits_of(flights, calibration.metres_per_px, view.exit_px,
+                             [sheet_beside(flight, seen.sheets) for flight in flights]))
     if others:
         left_out += [f"{clip.name}: {_span(flight)}: it begins elsewhere" for group in others for flight in group]
         warnings.append(f"{clip.name}: flights begin at {1 + len(others)} places; used are the {len(own)} from pixel "
                         f"{own[0].blobs[0].x_px:.0f},{own[0].blobs[0].y_px:.0f}; another launcher, or throws by hand? "
                         "--exit X,Y chooses the place")
-    placed = place_flights(own, calibration, shared.readout[0], noise_factors(own), view.release_height_m,
-                           view.exit_px) if calibration.metres_per_px is not None else []
+    placed = [] if calibration.metres_per_px is None else place_flights(
+        own, calibration, shared.readout[0], noise_factors(own), view.release_height_m, view.exit_px,
+        [sheet_beside(flight, seen.sheets) for flight in own])
     return TrackedClip(clip, seen.end_s, tuple(own), tuple(placed), calibration, test,
                        (*warnings, *(f"{clip.name}: {line}" for line in calibration.warnings)), tuple(left_out))
 
@@ -156,6 +197,7 @@ class Seen:
     blobs: int = 0
     shifts_px: list[float] = field(default_factory=list)
     upright: bool = False
+    sheets: list[Sheet] = field(default_factory=list)
 
 
 def _blobs(clip: Clip, scene: Background, seen: Seen, progress: Progress) -> Iterator[list[Blob]]:
@@ -167,6 +209,8 @@ def _blobs(clip: Clip, scene: Background, seen: Seen, progress: Progress) -> Ite
         if frame.time_s - looked_s >= EVERY_S:
             looked_s = frame.time_s
             seen.shifts_px.append(scene.shift_px(frame))
+            if (sheet := find_sheet(scene.luma, frame.time_s)) is not None:
+                seen.sheets.append(sheet)
             progress(min(frame.time_s / clip.duration_s, 0.99) if clip.duration_s else 0.0, f"{frame.time_s:.0f} s")
         yield blobs
 

@@ -1,24 +1,31 @@
 """Tracked clips as the files of a dataset: tracks.csv with standard deviations, shots.csv, rig.toml and pictures."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import html
+import json
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from importlib.resources import files
 from pathlib import Path
+from urllib.parse import quote
 
 import cv2
 import msgspec
 import numpy as np
 
-from truearc.errors import save_whole
+from truearc.errors import InputError, save_whole
 from truearc.robot.config.rig_spec import Rig, Tracker
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import LEFT_OUT, save_dataset
+from truearc.sim.physics.simulate import trajectories
 from truearc.sim.printed import save_csv
+from truearc.sim.video.ballistics import Floats
 from truearc.sim.video.match import match_by_order, match_times
-from truearc.sim.video.overlay import draw_flight
+from truearc.sim.video.overlay import draw_clip, draw_flight
 from truearc.sim.video.track import TrackedClip
 
 COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_z_m")
 PICTURES = "flights"                  # folder of the pictures
+CHOOSE = "index.html"                 # the page to accept or reject flights, in that folder
 
 
 @dataclass(frozen=True)
@@ -28,16 +35,18 @@ class Named:
     shot_id: A name a flight, "" where it is no known shot; a tuple a clip.
     lines: How each clip was matched.
     complete: Whether every clip was.
+    rejected: Names of the flights that the user rejected.
     """
 
     shot_id: tuple[tuple[str, ...], ...]
     lines: tuple[str, ...] = ()
     complete: bool = True
+    rejected: frozenset[str] = frozenset()
 
 
 def name_flights(clips: Sequence[TrackedClip]) -> Named:
     """Name flights after their clips, where there is no recording."""
-    return Named(tuple(tuple(f"{one.clip.name}-{number + 1:03d}" for number in range(len(one.flights)))
+    return Named(tuple(tuple(flight_name(one, number) for number in range(len(one.flights)))
                        for one in clips))
 
 
@@ -75,6 +84,35 @@ def match_flights(clips: Sequence[TrackedClip], recorded: Dataset, by_order: boo
     return Named(tuple(names), tuple(lines), complete)
 
 
+def flight_name(one: TrackedClip, number: int) -> str:
+    """Return the name of a flight of a clip, from 0, as its picture has it."""
+    return f"{one.clip.name}-{number + 1:03d}"
+
+
+def reject(named: Named, clips: Sequence[TrackedClip], rejected: Collection[str]) -> Named:
+    """Return the names without those of flights that the user rejected.
+
+    Raises:
+        InputError: There is no flight of such a name.
+    """
+    every = [[flight_name(one, number) for number in range(len(one.flights))] for one in clips]
+    if unknown := sorted(set(rejected) - {name for names in every for name in names}):
+        raise InputError(f"--without: there is no flight {unknown[0]}; expected names of pictures, such as clip-001")
+    return replace(named, rejected=frozenset(rejected), shot_id=tuple(
+        tuple("" if flight in rejected else name for name, flight in zip(names, flights, strict=True))
+        for names, flights in zip(named.shot_id, every, strict=True)))
+
+
+def make_choice(clips: Sequence[TrackedClip], rejected: Collection[str]) -> str:
+    """Return the page on which flights are accepted or rejected by key; it ends in the option that says which."""
+    figures = "".join(
+        f'<figure data-name="{html.escape(name)}"><img loading="lazy" src="{html.escape(quote(name))}.jpg" alt="">'
+        f"<figcaption>{html.escape(one.line(number))}</figcaption></figure>"
+        for one in clips for number in range(len(one.flights)) if (name := flight_name(one, number)))
+    page = (files("truearc.sim.video") / "choose.html").read_text(encoding="utf-8")
+    return page.replace("<!-- flights -->", figures).replace("/* rejected */", json.dumps(sorted(rejected)))
+
+
 def save_tracks(folder: Path, clips: Sequence[TrackedClip], named: Named, rig: Rig | None,
                 recorded: Dataset | None = None) -> int:
     """Write the dataset of tracked clips; return the number of flights in tracks.csv.
@@ -92,7 +130,9 @@ def save_tracks(folder: Path, clips: Sequence[TrackedClip], named: Named, rig: R
     for one, names in zip(clips, named.shot_id, strict=True):
         for number, (name, placed) in enumerate(zip(names, one.placed, strict=False)):
             if not name:
-                left_out.append(f"{one.clip.name} flight {number + 1}: belongs to no recorded shot")
+                why = ("rejected by the user" if flight_name(one, number) in named.rejected else
+                       "belongs to no recorded shot")
+                left_out.append(f"{one.clip.name} flight {number + 1}: {why}")
                 continue
             flights.append((name, one.clip.name, float(placed.time_s[0])))
             rows += [(name, f"{t - placed.time_s[0]:.6f}", f"{x:.5f}", "", f"{z:.5f}", f"{sx:.5f}", f"{sz:.5f}")
@@ -124,10 +164,40 @@ def with_tracker(rig: Rig, clips: Sequence[TrackedClip]) -> Rig:
         tilt_sd_deg=round(max(one.tilt_sd_deg for one in known), 3)))
 
 
-def save_pictures(folder: Path, one: TrackedClip) -> None:
-    """Write a picture of each flight of a clip into a folder of the dataset."""
+def save_pictures(folder: Path, one: TrackedClip, names: Sequence[str] = (), recorded: Dataset | None = None) -> None:
+    """Write a picture of each flight of a clip, and one of all, into a folder of the dataset.
+
+    Args:
+        folder: Of the dataset.
+        one: The clip.
+        names: shot_id of each flight, "" for none.
+        recorded: The recording's shots, for colours by outcome and the simulation's flights.
+    """
     (folder / PICTURES).mkdir(parents=True, exist_ok=True)
+    if one.flights:
+        done, data = cv2.imencode(".jpg", draw_clip(one, *_of_shots(one, names, recorded)))
+        if done:
+            save_whole(folder / PICTURES / f"{one.clip.name}.jpg", data.tobytes())
     for number in range(len(one.flights)):
         done, data = cv2.imencode(".jpg", draw_flight(one, number))
         if done:
-            save_whole(folder / PICTURES / f"{one.clip.name}-{number + 1:03d}.jpg", data.tobytes())
+            save_whole(folder / PICTURES / f"{flight_name(one, number)}.jpg", data.tobytes())
+
+
+def _of_shots(one: TrackedClip, names: Sequence[str],
+              recorded: Dataset | None) -> tuple[list[str], list[Floats | None]]:
+    """(outcome, simulated flight) of each flight of a clip."""
+    nothing: list[Floats | None] = [None] * len(one.flights)
+    if recorded is None:
+        return [""] * len(one.flights), nothing
+    row_of = {name: row for row, name in enumerate(recorded.shots.shot_id)}
+    rows = [row_of.get(name, -1) for name in names]
+    outcomes = recorded.shots.text("outcome")
+    said = [outcomes[row] if row >= 0 else "" for row in rows]
+    used = [row for row in rows if row >= 0]
+    try:
+        paths = trajectories(recorded.facts, {}, recorded.shots.take(used)) if used else ()
+    except InputError:                # shots without wheels, hood or distance have no simulation
+        return said, nothing
+    flown = dict(zip(used, paths, strict=True))
+    return said, [flown[row][0][:, [0, 2]] if row in flown else None for row in rows]

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -56,6 +56,9 @@ from truearc.sim.world.drive import FEEDER, FLYWHEEL, HOOD
 from truearc.sim.world.field import TAPE_M, BallResult
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
+
+if TYPE_CHECKING:
+    from truearc.sim.world.filming import Filmer
 
 LATENCY_NS = 45_000_000               # middle of the exposure until the robot can read the sighting
 CLOSE_S = 2.0
@@ -221,10 +224,11 @@ def make_axis_node(axis: Axis, name: str, world: Plant, watchdog_ms: int) -> Nod
 def emulate(config: Config, folder: Path, trials: int, seed: int, options: Options | None = None,
             gate_path: Path | None = None, progress: Progress = lambda done, note: None,
             page: Screen | None = None, nodes_of: MakeNodes = make_nodes,
-            eyes_of: MakeEyes = TwinEyes, aim_path: Path | None = None) -> list[BallResult]:
+            eyes_of: MakeEyes = TwinEyes, aim_path: Path | None = None,
+            clips: Path | None = None) -> list[BallResult]:
     """Record trials, as truearc.api.emulation.emulate describes; return the true result of each ball.
 
-    `nodes_of` makes the emulated devices, `eyes_of` the camera.
+    `nodes_of` makes the emulated devices, `eyes_of` the camera. `clips`: folder for clips of the flights.
     """
     check_emulated(config)
     gate = None if gate_path is None else load_gate(gate_path)
@@ -237,6 +241,7 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
     with closing(recorder):
         world, box = make_world(config, seed, options), open_button_box()
         driver = make_driver(config, world, box.press, trials, seed)
+        filmer = None if clips is None else _film(world, clips, config, seed)
         pace = None if page is None else Pace(MonotonicClock())
         limit_ns = int(LONGEST_TRIAL_S * trials * 1e9)
 
@@ -247,14 +252,24 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
             return driver.done or now_ns > limit_ns
 
         with closing(eyes_of(world, config, seed)) as eyes, emulated_rig(
-                config, world, nodes_of(config, world), box, eyes, (driver.step, eyes.step), recorder.tap, over) as (
+                config, world, nodes_of(config, world), box, eyes,
+                (driver.step, eyes.step, *(() if filmer is None else (filmer.step,))), recorder.tap, over) as (
                 rig, clock):
             run(RecordingRig(rig, recorder.trouble), config, gate, with_screen(recorder, page),
                 partial(step, aims=aims))
+        if filmer is not None:
+            filmer.close()
         progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
     if recorder.failed is not None:
         raise recorder.failed
     return world.results
+
+
+def _film(world: World, clips: Path, config: Config, seed: int) -> "Filmer":
+    from truearc.sim.world.filming import Filmer  # needs the extra `video`
+    target = config.rig.target
+    return (Filmer(world, clips, seed) if target is None else
+            Filmer(world, clips, seed, goal_height_m=target.centre_height_m))
 
 
 def _aimed(config: Config, aim_path: Path | None) -> tuple[Config, Aims]:

@@ -211,6 +211,10 @@ class Flight:
         self._owed_s = 0.0
         self.arrival: Arrival | None = None
 
+    @property
+    def radius_m(self) -> float:
+        return self._radius_m
+
     def step(self, dt_s: float) -> None:
         """Fly on for dt_s in whole steps; any remainder is flown next time. Does nothing after arrival."""
         if self.arrival is not None:

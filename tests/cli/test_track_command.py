@@ -27,7 +27,12 @@ def test_clip_becomes_tracks_and_an_unreadable_one_is_named(clip, tmp_path, caps
     assert "error: " in said.err and "broken.mov: cannot be read as a video" in said.err
     assert said.out.count("monday flight ") == 2 and "scale and clock agree" in said.out
     assert "2 flights in tracks.csv" in said.out
-    assert [path.name for path in sorted((out / "flights").iterdir())] == ["monday-001.jpg", "monday-002.jpg"]
+    assert [path.name for path in sorted((out / "flights").iterdir())] == [
+        "index.html", "monday-001.jpg", "monday-002.jpg", "monday.jpg"]
+    assert main(["track", str(clip), "--ball-diameter", "0.1778", "-o", str(out), "--force",
+                 "--without", "monday-002"]) in (0, 1)
+    assert "monday-002" not in (out / "tracks.csv").read_text()
+    assert "monday flight 2: rejected by the user" in (out / "left_out.txt").read_text()
     assert (out / "shots.csv").read_text().splitlines()[1].startswith("monday-001,0.")
 
 
@@ -47,7 +52,8 @@ def test_session_gives_flights_its_shots(clip, plain, tmp_path, capsys):
 
 @pytest.mark.parametrize(("options", "words"), [
     (["--by-order"], "--by-order: applies with --session only"), (["--mark", "1,2"], "expected X,Y=x,z"),
-    (["--exit", "left"], "expected a pixel"), (["--tag-size", "0.2"], "no AprilTag")])
+    (["--exit", "left"], "expected a pixel"), (["--tag-size", "0.2"], "no AprilTag"),
+    (["--without", "monday-009"], "there is no flight monday-009")])
 def test_wrong_options_are_named(clip, tmp_path, capsys, options, words):
     assert main(["track", str(clip), *options, "-o", str(tmp_path / "data")]) == 2
     assert words in capsys.readouterr().err

@@ -73,7 +73,8 @@ ELSEWHERE = {
     r"^truearc sysid --config": "drives a real launcher; `sysid --emulate` runs here",
     r"^truearc sysid --csv": "needs a step test of a real launcher; tests/sim/sysid reads such tables",
     r"^truearc vision": "needs photographs, a board or a person; tests/robot/test_vision*.py run it on drawn ones",
-    r"^truearc (track|discover data/filmed)": "needs clips; tests/cli/test_track_command.py draws one",
+    r"^truearc (track|discover data/(filmed|s )|emulate --film)":
+        "films for minutes, or needs clips; tests/sim/video/test_filmed_robot.py runs the chain",
     r"^python -m benchmarks\.(?!proof)": "test_benchmarks.py runs every benchmark",
     r"^python -m truearc_proof.world.season": "plays hundreds of worlds",
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",

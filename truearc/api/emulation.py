@@ -45,7 +45,7 @@ class Emulation(Tabular):
 
 def emulate(config: Config, folder: str | Path, trials: int, seed: int, options: Options | None = None,
             gate_path: Path | None = None, progress: Progress | None = None,
-            page: Screen | None = None, aim_path: Path | None = None) -> Emulation:
+            page: Screen | None = None, aim_path: Path | None = None, clips: Path | None = None) -> Emulation:
     """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world.
 
     Args:
@@ -58,18 +58,20 @@ def emulate(config: Config, folder: str | Path, trials: int, seed: int, options:
         progress: Called with the share done, 0 to 1, and a note; None: a bar with the time left.
         page: Screen that shows the ticks, such as the operator page; time then runs no faster than real time.
         aim_path: Aim file (`truearc aim --robot`) to use; sets the aim policy to "belief".
+        clips: New folder for clips of the flights, as a phone beside them would film; None: no clips.
 
     Returns:
         The true result of each ball, for tests and reports; neither runtime nor fit may see it.
 
     Raises:
-        InputError: the folder exists, the gate or aim file is invalid, the aim file is for another rig, or the
+        InputError: a folder exists, the gate or aim file is invalid, the aim file is for another rig, or the
             configuration requires an aim file and none is given.
         OSError: the session cannot be written.
     """
     folder = Path(folder)
     balls = tuple(engine.emulate(config, folder, trials, seed, options, gate_path,
-                                 progress or show_progress("emulate"), page, aim_path=aim_path))
+                                 progress or show_progress("emulate"), page,
+                                 aim_path=aim_path, clips=clips))
     return Emulation(folder, balls, _held(folder), config.rig.target)
 
 

@@ -102,6 +102,8 @@ def emulate_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--world", type=Path, help="world.toml; the robot never sees it (default: an honest world)")
     parser.add_argument("--gate", type=Path, help="model that must agree before the robot fires")
     parser.add_argument("--aim", type=Path, metavar="FILE", help="aim by this file of `truearc aim --robot`")
+    parser.add_argument("--film", type=Path, metavar="CLIPS", help="folder to make for clips of the flights, by an "
+                        "emulated phone beside them (extra `video`); their truth goes into CLIPS-truth.csv")
     parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of the world")
     add_page_argument(parser, OFF, ", for which time passes no faster than it does")
 
@@ -136,7 +138,7 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "Emulatio
                          partial(open_their_screens, config, args.gate, True)), MonotonicClock())
     try:
         return ta.emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
-                          make_progress("emulate", args.quiet), page=page, aim_path=args.aim)
+                          make_progress("emulate", args.quiet), page=page, aim_path=args.aim, clips=args.film)
     finally:
         if page is not None:
             page.close()
@@ -145,7 +147,7 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "Emulatio
 def _serve(args: argparse.Namespace, config: Config, trials: int) -> "Emulation":
     refuse(args, ("--quiet",), "does not apply with --bus: no progress is shown")
     for option, value in (("--out", args.out), ("--gate", args.gate), ("--aim", args.aim),
-                          ("--page", parse_page(args.page))):
+                          ("--film", args.film), ("--page", parse_page(args.page))):
         if value is not None:
             raise InputError(f"{option} is for `truearc run` with --bus {args.bus}: that process is the robot")
     from truearc.api.emulation import Emulation

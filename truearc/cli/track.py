@@ -8,26 +8,31 @@ from typing import TYPE_CHECKING
 
 import truearc as ta
 from truearc.cli import common
-from truearc.errors import InputError
+from truearc.errors import InputError, save_whole
 
 if TYPE_CHECKING:
     from truearc.sim.printed import Progress
     from truearc.sim.video.calibrate import Mark
     from truearc.sim.video.track import TrackedClip
 
+BALL_M = 0.178                        # of the guide, where none is stated: the foam ball of the shipped robot
 WRITTEN = (*common.DATASET, "flights")
 
 
 def track_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("clips", type=Path, nargs="+", metavar="CLIP", help="video file, or folder of pictures")
-    parser.add_argument("-o", "--out", type=common.OutFolder(WRITTEN), required=True, metavar="DIR",
-                        help="dataset folder to write: tracks.csv, shots.csv, a picture a flight")
+    parser.add_argument("clips", type=Path, nargs="*", metavar="CLIP", help="video file, or folder of pictures")
+    parser.add_argument("-o", "--out", type=common.OutFolder(WRITTEN), metavar="DIR",
+                        help="dataset folder to write: tracks.csv, shots.csv, a picture a flight and a clip")
+    parser.add_argument("--guide", type=common.out_file, metavar="PAGE", help="write a page that says how to film and "
+                        "what a clip will be worth, with the sheet to print; needs no clip")
     parser.add_argument("--ball-diameter", type=common.number(float, 0.01, 1.0), metavar="M", help="in m (default: of "
                         "--rig or --session; without one, the ball that gravity asks for is said)")
     parser.add_argument("--rig", metavar="FILE", help="rig.toml or launcher.toml: ball, release height, target")
     parser.add_argument("--session", type=Path, metavar="SESSION", help="recorded session, to whose shots the "
                         "flights are matched by the pattern of their times")
     parser.add_argument("--by-order", action="store_true", help="match the first flight to the first shot, and so on")
+    parser.add_argument("--without", action="append", default=[], metavar="FLIGHT", help="leave out a flight, by the "
+                        "name of its picture; flights/index.html shows all, and says this option for those you reject")
     parser.add_argument("--mark", type=parse_mark, action="append", default=[], metavar="X,Y=x,z", help="a known "
                         "place: its pixel, and metres ahead of the exit and above the floor; two give scale and level")
     parser.add_argument("--tag-size", type=common.number(float, 0.01, 2.0), metavar="M", help="side of the black "
@@ -67,6 +72,18 @@ def track(args: argparse.Namespace) -> int:
     the others go on. With --session, flights get the shots of a recording; if two ways to match them fit alike, both
     are named, and neither is used.
     """
+    if args.guide is not None:
+        from truearc.sim.video.guide import make_guide
+        save_whole(args.guide, make_guide(args.ball_diameter or BALL_M).encode())
+        print(f"{args.guide}: print the sheet on paper of size A3, without scaling")
+        if not args.clips:
+            return 0
+    if not args.clips or args.out is None:
+        raise InputError("name the clips and, with -o, the dataset to write; or --guide PAGE, how to film")
+    return _track(args)
+
+
+def _track(args: argparse.Namespace) -> int:
     from truearc.sim.video import write
     from truearc.sim.video.frames import open_clip
     from truearc.sim.video.track import View, track_clip
@@ -91,12 +108,15 @@ def track(args: argparse.Namespace) -> int:
     if not clips:
         raise InputError("no clip could be read")
     named = write.match_flights(clips, recorded, args.by_order) if recorded else write.name_flights(clips)
+    named = write.reject(named, clips, args.without)
     print(*named.lines, sep="\n", end="\n" if named.lines else "")
     saved = write.save_tracks(args.out, clips, named, rig, recorded)
-    for one in clips:
-        write.save_pictures(args.out, one)
-    print(f"{args.out}: {saved} flights in tracks.csv; pictures in {args.out / write.PICTURES}")
-    for line in advice(rig is not None, saved, args):
+    for one, names in zip(clips, named.shot_id, strict=True):
+        write.save_pictures(args.out, one, names, recorded)
+    save_whole(args.out / write.PICTURES / write.CHOOSE, write.make_choice(clips, args.without).encode())
+    print(f"{args.out}: {saved} flights in tracks.csv; look at them in {args.out / write.PICTURES / write.CHOOSE}")
+    knows_exit = bool(args.exit or args.mark) or all(one.saw_sheet for one in clips if one.placed)
+    for line in advice(rig is not None, saved, knows_exit, args.out):
         print(line)
     sound = all(one.self_test is not None and one.self_test.is_sound for one in clips)
     return 2 if unread else 0 if sound and named.complete else 1
@@ -114,15 +134,16 @@ def say_clip(one: "TrackedClip") -> None:
         print(f"left out: {line}")
 
 
-def advice(has_rig: bool, saved: int, args: argparse.Namespace) -> list[str]:
+def advice(has_rig: bool, saved: int, knows_exit: bool, out: Path) -> list[str]:
     """Return what to do next."""
     found = []
-    if saved and args.exit is None and not args.mark:
-        found.append("note: heights count from where flights are first seen; --exit X,Y or --mark X,Y=x,z is exact")
+    if saved and not knows_exit:
+        found.append("note: heights count from where flights are first seen; the sheet of --guide, --exit X,Y or "
+                     "--mark X,Y=x,z is exact")
     if not has_rig:
-        found.append(f"note: {args.out} has no rig.toml; `truearc init --tracks DIR` makes one to fill in for --rig")
+        found.append(f"note: {out} has no rig.toml; `truearc init --tracks DIR` makes one to fill in for --rig")
     elif saved:
-        found.append(f"next: truearc discover {args.out}")
+        found.append(f"next: truearc discover {out}")
     return found
 
 

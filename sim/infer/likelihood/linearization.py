@@ -98,6 +98,9 @@ def _track_part(intake: Intake, seen: Prediction, slopes: Prediction,
         raw[:, :, unmeasured] = 0.0
     log_noise = np.zeros(n)
     log_noise[rows] = log_volume(samples, intake.scatter)
+    if samples.wider is not None:
+        raw /= samples.wider[..., None]
+        log_noise[rows] -= (np.log(samples.wider).sum(2) * samples.real).sum(1)
     if samples.clock_s is not None:
         by_release = np.asarray(slopes.track_m)[rows, :, 2, slopes.track_m.shape[3] - deviates + LEAD]
         wider = timed_noise(samples, by_release)

@@ -1,14 +1,15 @@
 """Tracks and times at heights as padded arrays, and their noise.
 
-Noise has a standard deviation per axis and a correlation between successive samples.
+Noise has a standard deviation per axis and a correlation between successive samples. Where samples of tracks are not
+equally accurate, that is the standard deviation of a typical one.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.sim.data.dataset import Dataset, Times, Tracks
+from truearc.sim.data.dataset import Dataset, NoisyTracks, Times, Tracks
 from truearc.sim.infer.likelihood.noise import STILL_M, TIMED_M, UNMEASURED_M
 
 Array = np.ndarray
@@ -37,7 +38,7 @@ class Samples:
     """n tracks padded to L samples (padding repeats the last); `time_s` [n, L] from 0, `position_m` [n, L, 3].
 
     clock_s [n, L]: of times at heights, standard deviations of the times; the release stands before
-    them. None: of a film.
+    them. None: of a film. wider [n, L, 3]: by which a sample is noisier than a typical one; None: all are alike.
     """
 
     rows: Int[Array, " n"]            # shot of each track
@@ -45,6 +46,7 @@ class Samples:
     position_m: Float[Array, "n L 3"]
     real: Bool[Array, "n L"]          # False = padding
     clock_s: Float[Array, "n L"] | None = None
+    wider: Float[Array, "n L 3"] | None = None
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,8 @@ def samples_of(dataset: Dataset) -> tuple[Samples | None, Scatter | None, tuple[
 
 def gather_samples(tracks: Tracks) -> tuple[Samples, tuple[str, ...], int]:
     """Return (padded tracks, notes on excluded data, number of excluded gross outliers)."""
-    kept, short, gross = [], 0, 0
+    kept, widths, short, gross = [], [], 0, 0
+    wider = _relative_noise(tracks)
     for shot, where in tracks.by_shot():
         data = np.stack([tracks.t_s[where], tracks.x_m[where], tracks.y_m[where], tracks.z_m[where]], axis=1)
         sound = _sound(data)
@@ -77,6 +80,7 @@ def gather_samples(tracks: Tracks) -> tuple[Samples, tuple[str, ...], int]:
         data = data[sound]
         if len(data) >= FEWEST_SAMPLES:
             kept.append((shot, data))
+            widths.append(wider[where][sound])
         elif len(data):
             short += 1
     notes: tuple[str, ...] = (f"{short} tracks with fewer than {FEWEST_SAMPLES} samples",) if short else ()
@@ -88,7 +92,21 @@ def gather_samples(tracks: Tracks) -> tuple[Samples, tuple[str, ...], int]:
         for stamps, (_, data) in zip(right, kept, strict=True):
             data[:, 0] = stamps
         notes += (f"{leapt} tracks that leap ahead as if frames had been lost in between: their stamps are put right",)
-    return _pad(kept), notes, gross
+    samples = _pad(kept)
+    if isinstance(tracks, NoisyTracks):
+        padded = np.ones_like(samples.position_m)
+        for row, width in zip(padded, widths, strict=True):
+            row[:len(width)] = width
+        samples = replace(samples, wider=padded)
+    return samples, notes, gross
+
+
+def _relative_noise(tracks: Tracks) -> Float[Array, "rows 3"]:
+    """Standard deviation of each sample / the median one, an axis; 1 where none is stated."""
+    if not isinstance(tracks, NoisyTracks):
+        return np.ones((len(tracks.t_s), 3))
+    x, z = (sigma / np.median(sigma) for sigma in (tracks.sigma_x_m, tracks.sigma_z_m))
+    return np.stack([x, np.ones_like(x), z], axis=1)
 
 
 def gather_times(times: Times) -> tuple[Samples, Scatter]:
@@ -140,7 +158,8 @@ def measure_scatter(samples: Samples, believed_m: float) -> Scatter:
     long = [k for k, real in enumerate(samples.real) if real.sum() >= ENOUGH_SAMPLES]
     if not long:
         return Scatter(np.where(unmeasured, UNMEASURED_M, believed_m), np.zeros(3))
-    residuals = [_detrend(samples.time_s[k][samples.real[k]], samples.position_m[k][samples.real[k]]) for k in long]
+    residuals = [_detrend(samples.time_s[k][samples.real[k]], samples.position_m[k][samples.real[k]],
+                          None if samples.wider is None else samples.wider[k][samples.real[k]]) for k in long]
     square = sum((r**2).sum(0) for r in residuals) / sum(len(r) for r in residuals)
     together = sum((r[1:] * r[:-1]).sum(0) for r in residuals) / sum(len(r) for r in residuals)
     typical = sorted(long, key=lambda k: samples.real[k].sum())[len(long) // 2]
@@ -192,9 +211,18 @@ def _memory(samples: Samples, scatter: Scatter) -> Float[Array, "n gaps 3"]:
     return np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
 
 
-def _detrend(time_s: Float[Array, " L"], position_m: Float[Array, "L k"]) -> Float[Array, "L k"]:
+def _detrend(time_s: Float[Array, " L"], position_m: Float[Array, "L k"],
+             wider: Float[Array, "L k"] | None = None) -> Float[Array, "L k"]:
+    """What a smooth curve leaves of positions; / wider, and weighted by that, where it is given."""
     basis = _smooth(time_s)
+    if wider is not None:
+        return np.stack([_detrend_one(basis / wide[:, None], one / wide)
+                         for one, wide in zip(position_m.T, wider.T, strict=True)], axis=1)
     return np.asarray(position_m - basis @ np.linalg.lstsq(basis, position_m, rcond=None)[0])
+
+
+def _detrend_one(basis: Float[Array, "L 5"], one: Float[Array, " L"]) -> Float[Array, " L"]:
+    return np.asarray(one - basis @ np.linalg.lstsq(basis, one, rcond=None)[0])
 
 
 def _smooth(time_s: Float[Array, " L"]) -> Float[Array, "L 5"]:

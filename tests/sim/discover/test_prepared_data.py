@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.mixed import FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 from truearc.errors import InputError
-from truearc.sim.data.dataset import Dataset, Traces, Tracks
+from truearc.sim.data.dataset import Dataset, NoisyTracks, Traces, Tracks
 from truearc.sim.discover.select.terms import nats_measured
 from truearc.sim.infer.likelihood import observations as obs
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, Intake, take_in
@@ -141,6 +141,21 @@ def test_noise_with_memory_becomes_white() -> None:
     together = (white[:, 1:] * white[:, :-1]).mean() / (white**2).mean()
     assert abs(together) < 0.04
     assert white.std() == pytest.approx(1.0, abs=0.05)
+
+
+def test_stated_noise_weighs_samples_by_their_ratio() -> None:
+    tracks = noisy(0.0, 3)
+    rough = np.arange(len(tracks.t_s)) % 4 == 0
+    wider = np.where(rough, 4.0, 1.0)
+    smooth = np.stack([4.0 * tracks.t_s, 0.1 * tracks.t_s, 1.0 + 2.0 * tracks.t_s - 4.9 * tracks.t_s**2])
+    x_m, _, z_m = smooth + wider * (np.stack([tracks.x_m, tracks.y_m, tracks.z_m]) - smooth)
+    y_m = np.zeros_like(x_m)
+    stated = NoisyTracks(tracks.shot, tracks.t_s, x_m, y_m, z_m, 0.7 * wider, 0.2 * wider)
+    samples, _, _ = obs.gather_samples(stated)
+    assert samples.wider is not None and np.allclose(samples.wider[0, :5, 0], [4.0, 1.0, 1.0, 1.0, 4.0])
+    assert np.allclose(obs.measure_scatter(samples, 1.0).sigma_m[[0, 2]], SIGMA_M, rtol=0.1)
+    alike, _, _ = obs.gather_samples(Tracks(tracks.shot, tracks.t_s, x_m, y_m, z_m))
+    assert (obs.measure_scatter(alike, 1.0).sigma_m[[0, 2]] > 1.5 * SIGMA_M).all()
 
 
 def test_a_gross_sample_is_left_out_and_counted() -> None:
