@@ -31,11 +31,13 @@ UNITS |= {word: unit for unit, words in tomllib.loads(
     Path(__file__).with_name("units.toml").read_text(encoding="utf-8")).items() for word in words}
 NOUNS = {"m": "distance", "s": "time", "deg": "angle", "rad_s": "speed"}            # of keys that are units alone
 REVOLUTION_DEG = 360.0
-SUFFIX = re.compile(r"(radians?persec(?:ond)?|rad(?:s)?per?sec|rotations?per(?:sec(?:ond)?|minute)|deg(?:rees)?persec|"
-                    r"meterspersec(?:ond)?|mps|rpm|rps|radians?|rads?|degrees?|degs?|rotations?|rots?|meters?|inches|"
-                    r"feet|volts?|seconds?|_(?:rad|m|ft)_s|[ _](?:ft|in|cm|mm|yd|m|v|deg|rad))(/\d+|/value)?$",
-                    re.IGNORECASE)
-CAMEL = re.compile(r"(?<=[a-z])(MM|Mm|CM|Cm|IN|In|FT|Ft|FtS|YD|Yd|M|Deg|DEG|V|Ms|MS)$")      # DistanceMM
+WORD = re.compile(r"[A-Z]+s?(?![a-z])|[A-Z]?[a-z]+|[/°]")
+LETTERS = set("mvscf")                # that are units alone, of a word of its own as in DistanceM
+# units that end a word of small letters
+GLUED = re.compile(r"(?:(?:rad(?:ian)?s?|deg(?:ree)?s?|rot(?:ation)?s?|met(?:er|re)s?|feet)"
+                   r"(?:per(?:sec(?:ond)?|minute))?|rpm|[rfm]ps|mph|inches|volts?|seconds?)$", re.IGNORECASE)
+PLACE = re.compile(r"(?:/\d+|/value)$")                   # behind a key of a log
+SPEEDS, TILTS = {"speed", "velocity", "vel"}, {"angle", "hood", "pitch", "pivot", "tilt", "elevation"}
 BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\.?\s*[)\]]\s*$")
 
 
@@ -44,11 +46,18 @@ def unit_of(name: str) -> str:
     return max((unit for unit in CONVERTED if name.endswith("_" + unit)), key=len, default="")
 
 
+def called(text: str) -> str:
+    """Return the unit that a text is, as columns end in it: m_s for m/s, mps and meters per second; "" for none."""
+    text = text.strip().lower()
+    parts = re.findall(r"[^\W_]+|°", text.replace("per", " ").replace("rads", "rad"))
+    return UNITS.get(text) or UNITS.get("_".join(UNITS.get(part, part) for part in parts), "")
+
+
 def factor_of(column: str, unit: str) -> tuple[float, float] | None:
     """Return (number of the column's unit per unit of the other, zero offset); None if it is not a unit of that
     column."""
-    read, other = own_unit(column), UNITS.get(unit.strip().lower())
-    if other is None:
+    read, other = own_unit(column), called(unit)
+    if not other:
         return None
     if other == read or (read == "rev_s" and other == "rps"):
         return 1.0, 0.0
@@ -63,24 +72,40 @@ def own_unit(column: str) -> str:
     return "rad_s" if column == MOTOR or WHEEL.fullmatch(column) else unit_of(column)
 
 
+def _meant(unit: str, key: str) -> str:
+    """What a unit is in a key of that name: no speed is in milliseconds, and no angle in radians per second."""
+    said = {word.lower() for word in WORD.findall(key)}
+    if said & SPEEDS:
+        return "m_s" if unit == "ms" else unit
+    return "" if unit == "in_s" else "rad" if unit == "rad_s" and said & TILTS and "per" not in said else unit
+
+
+def _ending(key: str) -> tuple[int, str]:
+    """Where the unit at the end of a key's name begins, and which it is; "" for none."""
+    end = len(PLACE.sub("", key.rstrip()))
+    words = [*WORD.finditer(key, 0, end)]
+    for word in words[-4:] if words and words[-1].end() == end else ():
+        text = key[word.start():end]
+        if (unit := _meant(called(text), key)) and (len(text) > 1 or text.lower() in LETTERS):
+            return word.start(), unit
+    glued = GLUED.search(key, 0, end)
+    return (glued.start(), _meant(called(glued[0]), key)) if glued else (len(key), "")
+
+
 def unit_in(key: str) -> str:
     """Return the unit at the end of a key's name, alone or in brackets, as in UNITS; "" for none."""
     last = BRACKETS.search(key)
-    if last and last[1].lower() in UNITS:
-        return UNITS[last[1].lower()]
-    plain = (key[:last.start()] if last else key).rstrip()
-    found = SUFFIX.search(plain) or CAMEL.search(plain)
-    return UNITS.get(found[1].lower().lstrip("_ "), "") if found else ""
+    return (_meant(called(last[1]), key) if last else "") or _ending(key[:last.start()] if last else key)[1]
 
 
 def in_unit(key: str, unit: str) -> str:
     """Return the name of a key whose numbers are in another unit: Dist (in) for Dist (ft), distance_in for distance_m,
     speed (rad_s) for RPM."""
     last = BRACKETS.search(key)
-    if last and last.start() and last[1].lower() in UNITS:
+    if last and last.start() and called(last[1]):
         return f"{key[:last.start(1)]}{unit}{key[last.end(1):]}"
-    if own := max((one for one in UNITS if key.lower().endswith(f"_{one}")), key=len, default=""):
-        return f"{key.removesuffix(key[-len(own):])}{unit}"
-    found = SUFFIX.search(key) or CAMEL.search(key)
+    start, own = _ending(key)
+    if own and key[:start].endswith("_"):
+        return f"{key[:start]}{unit}"
     noun = next((NOUNS.get(read, "") for read, others in CONVERTED.items() if unit in (read, *others)), "") or "number"
-    return f"{(key[:found.start()].rstrip() if found else '' if last and not last.start() else key) or noun} ({unit})"
+    return f"{('' if last and not last.start() else key[:start].rstrip()) or noun} ({unit})"

@@ -30,9 +30,10 @@ from truearc.sim.physics.simulate import has_wheels
 CHECKS = ("gravity", "axes", "bounce", "track-length", "track-shots", "speed", "hood", "mass", "radius", "reach", "air",
           "target", "noise", "wheels", "height", "release", "balls", "spin", "fit")
 BETTER = math.log(1000.0)             # a slip is refused from here; chosen: one sound dataset in a thousand
-LIKELIER = 1.5                        # nats, from which it is warned of; chosen: four times as likely
+LIKELIER = math.log(50.0)             # it is warned of from here; chosen: one dataset in fifty has a slip of its kind
 # Chosen: of sound rigs by the priors, one in twenty surprises by more than the first
-EXPECTED, REFUSED, ODD = 5.2, 7.0, 10.0  # nats of surprise: slips are looked for, refused, and anything is warned of
+EXPECTED, REFUSED = 5.2, 7.0          # nats of surprise: slips are looked for, and refused
+ODD = 0.3                             # nats a row without sizes, from which anything is warned of; chosen: sound 0.2
 PRESSED = 2.0                         # nats by which lift is negative, from which it is said; chosen: smooth balls may
 PROMISING, FEW = 6, 16                # slips that are judged at their best, and shots that tell them; chosen: quick
 SLACK = 8.0                           # nats by which a scatter may become more usual, too; chosen: half the scatter
@@ -225,7 +226,9 @@ def _judged(reading: Reading) -> Iterator[Flaw]:
         return
     far = np.unique(as_recorded.whose[np.abs(known.rest) > LONE])
     yield from remark(reading.dataset, "far", far)
-    yield from remark(reading.dataset, "unexplained") if not len(far) and known.surprise > ODD else ()
+    # that a size is unusual is nothing that physics has to explain
+    odd_rows = known.surprise - as_recorded.unusual > ODD * as_recorded.weight.sum()
+    yield from remark(reading.dataset, "unexplained") if odd_rows and not len(far) else ()
     yield from _each(reading, known) if len(judged) else ()
 
 

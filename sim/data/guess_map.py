@@ -38,8 +38,8 @@ LEAST_STEP_S, LEAST_ROWS, REGULAR = 0.5, 20, 0.2       # rows of a log are close
 MOST_CHANGES = 0.05                   # share of a log's rows whose outcome is not that of the row before
 OWN = "truearc"                       # a map that comes with truearc
 NO_OUTCOME = "outcome: none found: state outcome in the map, or shots have none"
-GEARED = ("motor_rad_s: taken to be the speed of the motors; where it is that of the wheels, divide by the gear: "
-          "times = 1 / gear")
+GEARED = ("motor_rad_s: {key} is taken to be the motors' speed: by its gear, {gears}; if these are the wheels' own "
+          "speeds, state times = {times} for it in the map")
 TWO_POINTS = (": a servo's position, not an angle; measure two angles or more, and state them in rig.toml: "
               "[launcher.hood] map = [[0.2, 35.0], [0.8, 58.0]]")
 HIT_OR_MISS = ("; a hit may be a two or a three: where all count alike, state target.three_half_height_m = 0 in "
@@ -104,7 +104,7 @@ def says(key: str, *groups: str) -> Set[str]:
 
 def unit_said(series: Series) -> str:
     """The unit that the log states, or that the key ends in; readers of the map do not see the log's metadata."""
-    return series.unit or units.unit_in(series.name) or units.UNITS.get("".join(words_of(series.name)[-1:]), "")
+    return series.unit or units.unit_in(series.name)
 
 
 def unit_seen(series: Series, column: str) -> str:
@@ -267,7 +267,11 @@ class _Guessing:
             self.lines[-1] += f"; from the vertical, so {quarter:g} less that"
         if read == SERVO:
             self.lines[-1] += TWO_POINTS if self.rig.launcher.hood is UNSET else ", an angle by launcher.hood.map"
-        self.lines += [GEARED] * (read == MOTOR)
+        gears = {wheel.name: wheel.gear for wheel in self.rig.launcher.wheel}
+        if read == MOTOR and {*gears.values()} - {1.0}:
+            turning = " and ".join(f"wheel {name} turns {gear:g} times as fast" for name, gear in gears.items())
+            own = "1 / gear" if len({*gears.values()}) > 1 else f"{1.0 / min(gears.values()):g}"
+            self.lines.append(GEARED.format(key=key, gears=turning, times=own))
         return None
 
     def _score(self, series: Series, column: str) -> tuple[float, str]:

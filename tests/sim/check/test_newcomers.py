@@ -68,6 +68,16 @@ def test_sound_tables_in_feet_are_read(seed: int, steep: bool) -> None:
     assert check_plausible(table(seed, steep)).accepted == ()
 
 
+def test_what_no_cause_explains_is_warned_of_and_a_wide_scatter_is_not() -> None:
+    sound = table(2, steep=False)
+    speeds = {name: sound.shots.number(name) for name in ("wheel_upper_rad_s", "wheel_lower_rad_s")}
+    worse = np.exp(0.04 * default_rng(5).standard_normal(98))
+    assert check_plausible(numbers(sound, **{name: one * worse for name, one in speeds.items()})).accepted == ()
+    mixed = default_rng(6).permutation(98)
+    said = check_plausible(numbers(sound, **{name: one[mixed] for name, one in speeds.items()})).accepted
+    assert any("no believable drag, lift, slip or hood explains these" in one for one in said), said
+
+
 DIST, HOOD = "Dist (ft)", "Hood angle"
 
 

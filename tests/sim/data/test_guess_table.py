@@ -69,8 +69,6 @@ def test_a_students_spreadsheet_is_imported_and_checked(rig, tmp_path, capsys):
         "  distance_m: Dist (ft), in ft",
         "  hood_deg: Hood angle, whose unit is not stated: taken as deg",
         "  motor_rad_s: Flywheel RPM, in rpm",
-        "  motor_rad_s: taken to be the speed of the motors; where it is that of the wheels, divide by the gear: "
-        "times = 1 / gear",
         "  t_s: Shot: the order of the shots",
         "  shot_id: Shot",
         "  outcome: Result: in = hit, short = miss-low, long = miss-high, rim out = miss, left = miss, made = hit, "
@@ -216,7 +214,12 @@ def test_words_beside_points_are_proposed_by_these_and_letters_are_asked_about(r
     ("Dist (ft)", "ft"), ("Dist [in.]", "in"), ("dist_ft", "ft"), ("Dist ft", "ft"), ("dist_cm", "cm"),
     ("Angle (°)", "deg"), ("Hood angle", ""), ("Wheel RPM (top)", "rpm"), ("Speed (rad/s)", "rad_s"),
     ("Temp (°F)", "f"), ("Dist (yards)", "yd"), ("Notes (see below)", ""), ("Distance (hub)", ""), ("Time (s) ", "s"),
-    ("x)", ""), ("", ""), ("ActualRPS", "rps"), ("DistanceMM", "mm"), ("distanceIn", "in"), ("DistanceFt", "ft"),
+    ("x)", ""), ("", ""), ("ExitSpeedMS", "m_s"), ("exit_velocity_ms", "m_s"), ("FlightTimeMS", "ms"),
+    ("VelocityMPS", "m_s"), ("exitVelocityFps", "ft_s"), ("ExitSpeedFtPerSec", "ft_s"), ("Speed in m/s", "m_s"),
+    ("ExitSpeedKPH", "km_h"), ("Time in s", "s"), ("HoodAngleRads", "rad"), ("VelocityRads", "rad_s"),
+    ("flywheel_rad_per_sec", "rad_s"), ("shootervelocityradpersec", "rad_s"), ("WheelRotPerSec", "rps"),
+    ("/Shooter/VelocityRPM/value", "rpm"), ("TempC", "c"),
+    ("ActualRPS", "rps"), ("DistanceMM", "mm"), ("distanceIn", "in"), ("DistanceFt", "ft"),
     ("Begin", ""), ("Alarm", ""), ("BATTERYV", "")])
 def test_units_in_headers(name: str, unit: str) -> None:
     assert unit_in(name) == unit

@@ -106,6 +106,23 @@ def test_a_heading_that_names_a_wheel_of_the_rig_is_its_speed_not_its_motors(nam
         assert shots.number(columns[-1])[0] == pytest.approx(3300 * np.pi / 30)
 
 
+def test_a_flywheel_beside_gears_is_the_motor_and_the_guess_says_so(tmp_path: Path) -> None:
+    rig = write(tmp_path, "rig.toml", RIG.replace("gear = 1.0", "gear = 0.5"))
+    mine = write(tmp_path, "mine.csv", "Dist (ft),Angle,Flywheel RPM,Result\n" + "10,45,3300,in\n" * 8)
+    assert ("motor_rad_s: Flywheel RPM is taken to be the motors' speed: by its gear, wheel main turns 0.5 times as "
+            "fast; if these are the wheels' own speeds, state times = 2 for it in the map") in guess([mine], rig).lines
+
+
+@pytest.mark.parametrize(("heading", "unit"), [
+    ("ExitSpeedMS", "m_s"), ("VelocityMPS", "m_s"), ("exitVelocityFps", "ft_s"), ("LaunchSpeedMph", "mph"),
+    ("Muzzle velocity (m/s)", "m_s")])
+def test_speeds_of_the_ball_are_read_in_the_units_teams_write(heading: str, unit: str, tmp_path: Path) -> None:
+    mine = write(tmp_path, "mine.csv", f"Dist (ft),Angle,{heading},Result\n" + "".join(
+        f"{10 + k},45,{20 + k},in\n" for k in range(8)))
+    found = guess([mine], write(tmp_path, "rig.toml", RIG)).map.columns["exit_speed_m_s"]
+    assert (as_signal(found).key, as_signal(found).unit) == (heading, unit)
+
+
 @pytest.mark.parametrize(("angle", "deg"), [("ExitAngleDeg", 6.0), ("Exit angle from vertical (deg)", 84.0)])
 def test_stated_exit_speeds_need_no_wheel(angle: str, deg: float, tmp_path: Path) -> None:
     launcher = RIG[RIG.index("free_speed_rad_s"):RIG.index("[target]")]
