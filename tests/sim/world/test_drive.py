@@ -127,6 +127,12 @@ def test_the_stops_hold_and_the_switch_closes_near_the_lower_one() -> None:
     assert not hood.at_limit
 
 
+def test_below_its_friction_nothing_moves() -> None:
+    hood = drive.Hood(50.0, Options())
+    _run(hood, 0.99 * drive.HOOD_COULOMB_NM, 1.0)
+    assert (hood.elevation_deg, hood.position_rad) == (50.0, 0.0)
+
+
 @pytest.mark.parametrize("play_deg", [0.0, 0.1, 0.8])
 def test_reversing_loses_the_play(play_deg: float) -> None:
     hood = drive.Hood(50.0, Options(hood_backlash_deg=play_deg))
