@@ -273,7 +273,8 @@ def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> P
     page = folder / "index.html"
     page.write_text(make_page(
         "truearc demo", verdict, [], origin, "demo.html", lines=lines, pictures=pictures,
-        names=names_of(event.finding.record, event.finding.investigation.catalogue, effect.terms)[:LISTED],
+        names=[row for row in names_of(event.finding.record, event.finding.investigation.catalogue, effect.terms)
+               if "size" in row][:LISTED],
         acts=list(acts), header=HEAD, rows=_rows(acts, effect), limits=say_limits(event, acts["control"]),
         envelope=envelope), encoding="utf-8")
     return page
@@ -284,8 +285,7 @@ def _draw_worth(acts: Acts) -> Figure:
     for row, act in enumerate(acts.values()):
         for shift, volley, colour in zip((-0.2, 0.2), act.volleys, (GREY, BEFORE), strict=True):
             axes.barh(row + shift, volley.per_ball, color=colour, height=0.38)
-            axes.text(volley.per_ball - 0.05, row + shift, f"{volley.per_ball:.2f}", va="center", ha="right",
-                      color="white", weight="bold")
+            axes.text(volley.per_ball + 0.05, row + shift, f"{volley.per_ball:.2f}", va="center", weight="bold")
     axes.set_yticks(range(len(acts)), acts)
-    axes.set(xlim=(0.0, 3.0), ylim=(2.6, -0.6), xlabel="points per ball: before (grey), after (blue)")
+    axes.set(xlim=(0.0, 3.3), ylim=(2.6, -0.6), xlabel="points per ball: before (grey), after (blue)")
     return figure

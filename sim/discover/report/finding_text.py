@@ -145,7 +145,6 @@ def _number(value: float) -> str:
 
 # Chosen: twice FALSE_ALARM
 RARE = 0.1                            # p up to which it is stated as one dataset in how many
-SIGN_DRAWS = findings.SIGN_DRAWS
 # Derived: their mean square is 4, of ten by chance once in 10^5
 WIDE = 2.0                            # standard deviations by which times differ: chance hardly does that to ten
 
@@ -222,6 +221,18 @@ def then_measured(step: dict[str, object], finding: FindingRecord, among: Catalo
         return ""
     unit = {"1": ", as a share" if one.amplitude.percent else ""}.get(one.amplitude.unit, f", in {one.amplitude.unit}")
     return f"; then add --measured {one.name}=VALUE,SD ({one.amplitude.meaning}{unit})"
+
+
+def say_chance(p_value: float) -> str:
+    """Return how many of the datasets in which nothing is missing would look as extreme as this one.
+
+    A p of the score test counts sign flips, and the data among them: below one in all of them it cannot fall.
+    """
+    if p_value > RARE:
+        return f"{100.0 * p_value:.0f} datasets in 100 would look this extreme"
+    least = "at most " if p_value * (1 + findings.SIGN_DRAWS) < 1.5 else ""
+    often = f"{int(float(f'{1.0 / p_value:.2g}')):,}" if p_value > 0.0 else "many"
+    return f"{least}1 dataset in {often} would look this extreme"
 
 
 def list_believed(names: Sequence[str], among: Catalogue | None = None) -> str:

@@ -115,10 +115,11 @@ def _draw_targets(axes: Axes, shown: Dataset, belief: Belief) -> None:
     marks = zip(shots.number("distance_m"), shots.text("outcome"), shots.text("side"), strict=True)
     for distance_m, outcome, side in marks:
         if target.faces_up:
+            half_m = 0.0
             axes.plot([distance_m], [float(opening.centre_m)], "_", ms=14, mew=3, color=INK)
         else:
             half_m = target.two_half_height_m
             axes.plot([distance_m] * 2, [opening.centre_m - half_m, opening.centre_m + half_m], color=INK, lw=3)
         if outcome:
-            axes.annotate(" ".join(filter(None, (outcome, side))), (distance_m, float(opening.centre_m)), xytext=(5, 0),
-                          textcoords="offset points", fontsize=9, color=INK, va="center", annotation_clip=False)
+            axes.annotate(" ".join(filter(None, (outcome, side))), (distance_m, float(opening.centre_m) - half_m),
+                          xytext=(0, -4), textcoords="offset points", fontsize=9, color=INK, ha="center", va="top")

@@ -226,10 +226,10 @@ def make_report(name: str, investigation: Investigation, origin: Origin = NO_ORI
 
 def make_pictures(investigation: Investigation) -> list[Drawn]:
     """The flights, then for each effect its residual, the flight's and the field's; none of data that carry no test."""
-    pictures = [] if (flown := draw_flights(investigation)) is None else [Drawn(
-        make_svg(flown, "flights, simulated before and after, and real"), "Side view of flights: as simulated (blue), "
-        "corrected (orange, with the band that holds nine in ten by the scatter of the launch)"
-        + (", and as filmed (dots)." if investigation.dataset and investigation.dataset.tracks else "."))]
+    flown, data = draw_flights(investigation), investigation.dataset
+    said = (f"Side view of flights as simulated{' (blue) and corrected (orange)' if investigation.steps else ''}; the "
+            f"band holds nine in ten by the scatter of the launch{', dots: filmed' if data and data.tracks else ''}.")
+    pictures = [] if flown is None else [Drawn(make_svg(flown, "flights, simulated and real"), said)]
     for view in _views(investigation, investigation.steps):
         what = _said(view.step, investigation.catalogue)
         shown = [_against(view, what), _along_flight(view, what)]

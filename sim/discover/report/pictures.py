@@ -283,12 +283,12 @@ Shown = TypeVar("Shown")
 def residual_figure(residual: Residual, along: Along, rows: Int[Array, " n"], what: str) -> Figure:
     """Residual by bins of `along`, as simulated, and below with `what` put in (when something was)."""
     bins, parts = bins_of(along, rows), _both(residual.before, residual.after, what)
-    figure, panels = new_panels(PHONE_IN, 0.6 + 1.7 * len(parts), len(parts), sharex=True, sharey=True)
+    figure, panels = new_panels(PHONE_IN, 1.3 + 1.4 * len(parts), len(parts), sharex=True, sharey=True)
     for axes, (title, part, colour) in zip(panels, parts, strict=True):
         _points(axes, bins, part, residual.factor, colour)
         axes.set_title(title, loc="left", fontsize=11, color=colour, fontweight="bold")
     panels[-1].set_xlabel(_worded(bins.name))
-    figure.supylabel(f"{residual.name}, real − simulated [{residual.unit}]", fontsize=10)
+    figure.supylabel(f"{residual.name},\nreal − simulated [{residual.unit}]", fontsize=10)
     if residual.after is not None:
         gone = (binned(residual.before, bins)[0] - binned(residual.after, bins)[0]) * residual.factor
         panels[0].plot(bins.middle, gone, color=AFTER, lw=2.0, alpha=0.8, zorder=1, label=f"{what}, as fitted")

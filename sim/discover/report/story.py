@@ -67,7 +67,8 @@ def tell_none(finding: FindingRecord, blind: Sequence[TermIdentifiability], sigh
     names += [f"{len(blind) - SHOWN} others"] * (len(blind) > SHOWN)
     shots, p_value = finding.data.shots, finding.mismatch.p_value or 0.0
     change = say("unseen", shots=shots, names=either(names)) if names else say("nothing", shots=shots)
-    sure = say("sure_none", chance=say_chance(p_value), p=f"{p_value:.2g}", alarm=f"{finding.mismatch.false_alarm:g}")
+    sure = say("sure_none", chance=wording.say_chance(p_value), p=f"{p_value:.2g}",
+               alarm=f"{finding.mismatch.false_alarm:g}")
     story = Story(tracker.strip() or change, worth=_say_smallest(sight, among), sure=sure,
                   also=(change,) if tracker else (), limits=_stripped(limits))
     return retell(structs.replace(finding, story=story), among)
@@ -198,7 +199,7 @@ def _say_sure(finding: FindingRecord, effect: FoundEffect, among: Catalogue | No
             instead += SAY["no_term"].format(share=f"{effect.unexplained:.0%}")
         if text := say_how_sure(finding):
             instead += SAY["measured"].format(text=text)
-    return say("sure", chance=say_chance(p_value), p=f"{p_value:.2g}", instead=instead)
+    return say("sure", chance=wording.say_chance(p_value), p=f"{p_value:.2g}", instead=instead)
 
 
 def _say_nearest(finding: FindingRecord, among: Catalogue | None) -> str:
@@ -215,18 +216,6 @@ def say_how_sure(finding: FindingRecord) -> str:
     """Return how often names as likely as this were right, if that was less often; measured in sealed rounds."""
     sure = bool(finding.what) and finding.what[0].probability >= TOO_SURE and finding.data.level == "L2"
     return "with tracks, 74 in 100 names said to be 99 % likely were right" if sure else ""
-
-
-def say_chance(p_value: float) -> str:
-    """Return how many of the datasets in which nothing is missing would look as extreme as this one.
-
-    A p of the score test counts sign flips, and the data among them: below one in all of them it cannot fall.
-    """
-    if p_value > wording.RARE:
-        return f"{100.0 * p_value:.0f} datasets in 100 would look this extreme"
-    least = "at most " if p_value * (1 + wording.SIGN_DRAWS) < 1.5 else ""
-    often = f"{int(float(f'{1.0 / p_value:.2g}')):,}" if p_value > 0.0 else "many"
-    return f"{least}1 dataset in {often} would look this extreme"
 
 
 def say_further(further: FoundEffect, among: Catalogue | None = None, topspin: bool = False) -> str:

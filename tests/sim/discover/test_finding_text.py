@@ -92,7 +92,7 @@ def test_spin_decay_is_told_as_a_time_constant_whose_ends_swap() -> None:
     (3.0 / 2000.0, "1 dataset in 670"), (0.0105, "1 dataset in 95"), (0.05, "1 dataset in 20"),
     (0.41, "41 datasets in 100"), (1.0, "100 datasets in 100")])
 def test_a_p_value_is_told_as_a_share_of_datasets_in_which_nothing_is_missing(p_value: float, said: str) -> None:
-    assert stories.say_chance(p_value) == f"{said} would look this extreme"
+    assert text.say_chance(p_value) == f"{said} would look this extreme"
     whole = f"If nothing were missing, {said} would look this extreme (p = {p_value:.2g}"
     assert told((named("drag", 0.5, 0.1),), p_value=p_value).sure.startswith(whole)
     none = msgspec.structs.replace(record(p_value=p_value), verdict="none")
