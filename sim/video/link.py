@@ -23,6 +23,7 @@ SPEEDS = 400.0                        # diameters a second: more than any ball's
 GRAVITY = (2.0, 700.0)                # diameters/s2: balls of 1.4 cm, and of 30 cm in slow motion of four times
 SLOW, MANY, SMOOTH = 15.0, 20, 0.25   # falls slower than 65 cm balls' need as many positions, and that share of ROUGH
 SIZES = 1.6                           # ratio of two diameters of one ball, streaks included
+HIDDEN, MOST_HIDDEN = 0.87, 3         # share of the diameter that is seen of a partly hidden ball; such balls at an end
 GATE = 0.6                            # diameters between prediction and blob
 CURVED_SD = 0.12                      # share: a flight whose gravity is less certain may be a straight line
 SAGITTA = 0.35                        # diameters by which the path leaves its chord, at least
@@ -235,12 +236,22 @@ def settle(chain: tuple[Blob, ...], priors: Priors = ANY_BALL) -> Flight | None:
 
 
 def _joined(blobs: list[Blob]) -> tuple[Blob, ...]:
-    """Blobs without single ones at the ends that are far from the rest: what a hand or another ball left there."""
-    while len(blobs) > 2 and blobs[1].frame - blobs[0].frame > GAP_FRAMES:
-        blobs = blobs[1:]
-    while len(blobs) > 2 and blobs[-1].frame - blobs[-2].frame > GAP_FRAMES:
-        blobs = blobs[:-1]
-    return tuple(blobs)
+    """Blobs without what a hand, another ball or something before the ball left at the ends.
+
+    Those are the first or last few, where they are fewer than the pictures between them and the rest; and balls that
+    are partly hidden, as by the launcher or the target, whose middles are not where they seem.
+    """
+    for k in range(len(blobs) - 1, 0, -1):
+        gap = blobs[k].frame - blobs[k - 1].frame
+        if gap > GAP_FRAMES and min(k, len(blobs) - k) < gap:
+            return _joined(blobs[:k] if k > len(blobs) - k else blobs[k:])
+    whole = _diameter(blobs) if blobs else 0.0
+    first, last = 0, len(blobs)
+    while first < min(MOST_HIDDEN, last) and blobs[first].diameter_px < HIDDEN * whole:
+        first += 1
+    while last > max(len(blobs) - MOST_HIDDEN, first) and blobs[last - 1].diameter_px < HIDDEN * whole:
+        last -= 1
+    return tuple(blobs[first:last])
 
 
 def _places(chain: tuple[Blob, ...], unit: float) -> Floats:

@@ -19,7 +19,7 @@ FOUND, FITTED, TEXT = (0, 220, 255), (255, 160, 0), (255, 255, 255)         # bl
 MOST_COLUMNS = 1280                   # of a picture that is saved
 OUTCOME_BGR = {"three": (63, 180, 40), "two": (0, 190, 240), "hit": (63, 180, 40), "miss": (50, 50, 230)}
 UNKNOWN, SIMULATED = (170, 170, 170), (255, 255, 255)
-DASH = 3                              # points of a simulated flight that are drawn, and left out
+DASH, LEFT_OUT = 3, 1                 # points of a simulated flight that are joined, and left out
 SLACK_S = 1e-4                        # between a time and the same time read again
 
 
@@ -78,7 +78,7 @@ def draw_clip(tracked: TrackedClip, outcomes: Sequence[str], simulated: Sequence
             placed = tracked.placed[number]
             to_pixel = np.linalg.lstsq(_plane(np.column_stack([placed.x_m, placed.z_m])), pixels, rcond=None)[0]
             points = _plane(path) @ to_pixel
-            for k in range(0, len(points) - DASH, 2 * DASH):
+            for k in range(0, len(points) - DASH, DASH + LEFT_OUT):
                 cv2.polylines(picture, [_fine(points[k:k + DASH + 1])], False, SIMULATED, 1, cv2.LINE_AA, shift=4)
     _legend(picture, tracked, outcomes, any(path is not None for path in simulated))
     return picture

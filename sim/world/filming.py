@@ -97,7 +97,7 @@ def _path(flight: Flight, places: list[tuple[float, np.ndarray]], pose: RobotPos
     after_s, last = np.arange(0.005, BEYOND_S, 0.005), ways[-1]
     after = last + end_m_s * after_s[:, None] + 0.5 * pull * after_s[:, None] ** 2
     if last[0] >= 0.0 and abs(last[2] - goal_height_m) < GOAL_HALF_HEIGHT_M:
-        kept = after[:, 0] < GOAL_M[1]            # it stays in there
+        kept = after[:, 0] < 0.5 * GOAL_M[1]      # it stays in there
         after_s, after = after_s[kept], after[kept]
     radius_m = flight.radius_m
     under = after[:, 2] < radius_m
