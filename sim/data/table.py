@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 
 from truearc.errors import MAX_BYTES, InputError, load_bytes
 from truearc.robot.config.rig_spec import MOST
-from truearc.robot.config.units import CONVERTED, ZERO, in_unit, unit_of
+from truearc.robot.config.units import BRACKETS, CONVERTED, ZERO, in_unit, unit_of
 from truearc.robot.config.units import WHEEL as WHEEL
 from truearc.sim.data.dataset import Floats, Written
 
@@ -472,7 +472,8 @@ def _slip_of_all(table: RawTable, name: str, values: Floats) -> str:
         if (likely(other, (middle / factor + zero - start) * size) and not likely(name, middle)
                 and likely(name, (its / size + start - zero) * factor) and not (units and likely(other, its))):
             return f"{written} and {called} look exchanged: exchange their names"
-    names = [in_unit(written, unit) for unit in units]
+    names = [in_unit(written, unit) if BRACKETS.search(written) else name.removesuffix(unit_of(name)) + unit
+             for unit in units]
     return f"rename the column to {' or '.join(names)}" if names else ""
 
 
