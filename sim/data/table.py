@@ -16,6 +16,7 @@ from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -153,9 +154,15 @@ def _with_points(columns: dict[str, list[Cell]], path: Path) -> dict[str, list[C
             if found and name not in pointed and (name in sure or (sure and not pointed))]
     if not read:
         return columns
-    print(f"warning: {path}: read with commas as decimal points: {', '.join(read)}", file=sys.stderr)
+    _warn(f"{path}: read with commas as decimal points: {', '.join(read)}")
     return {name: [cell and DECIMAL_COMMA.sub(r"\1.\2", str(cell)) for cell in column] if name in read else column
             for name, column in columns.items()}
+
+
+@cache
+def _warn(message: str) -> None:
+    """Print a warning, once: an import reads a table twice."""
+    print(f"warning: {message}", file=sys.stderr)
 
 
 def _separator(text: str, path: Path) -> str:
@@ -163,7 +170,7 @@ def _separator(text: str, path: Path) -> str:
     header = text.lstrip("\r\n").partition("\n")[0]
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if mark in header and "," not in header:
-            print(f"warning: {path}: read with {name} between cells", file=sys.stderr)
+            _warn(f"{path}: read with {name} between cells")
             return mark
     return ","
 
@@ -189,7 +196,7 @@ def text_of(path: Path) -> str:
         return _text_of_sheet(path)
     data = load_bytes(path)
     if data.startswith(BOM_UTF8):
-        print(f"warning: {path}: read without the byte-order mark that it begins with", file=sys.stderr)
+        _warn(f"{path}: read without the byte-order mark that it begins with")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
