@@ -19,7 +19,7 @@ from truearc.sim.data.files import assemble
 from truearc.sim.data.importers import load_importers
 from truearc.sim.data.log import FoundShots, Log, Series, find_shots, read_csv_log, silences, spikes
 from truearc.sim.data.recordings import AFTER_S, BEFORE_S
-from truearc.sim.data.table import Cell, RawTable, gathered, holds_numbers, parse_number, table_below
+from truearc.sim.data.table import VOCABULARY, Cell, RawTable, gathered, holds_numbers, parse_number, table_below
 from truearc.sim.printed import Progress, part_of
 
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6}
@@ -162,7 +162,7 @@ class Reading:
             last = t_s, text
             if text in words and not again:
                 marks.append((t_s, words[text]))
-            elif text and not series.numeric and not again:
+            elif text not in VOCABULARY["groups"]["idle"] and not series.numeric and not again:
                 unknown[text] += 1
         self.odd += [f"{file}: {text!r} ({times(count)}) is none of outcome.values"
                      for text, count in unknown.most_common(MOST_UNKNOWN)]

@@ -16,6 +16,7 @@ from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ import pyarrow.parquet as pq
 
 from truearc.errors import MAX_BYTES, InputError, load_bytes
 from truearc.robot.config.rig_spec import MOST
-from truearc.robot.config.units import CONVERTED, ZERO, in_unit, unit_of
+from truearc.robot.config.units import BRACKETS, CONVERTED, ZERO, in_unit, unit_of
 from truearc.robot.config.units import WHEEL as WHEEL
 from truearc.sim.data.dataset import Floats, Written
 
@@ -153,9 +154,15 @@ def _with_points(columns: dict[str, list[Cell]], path: Path) -> dict[str, list[C
             if found and name not in pointed and (name in sure or (sure and not pointed))]
     if not read:
         return columns
-    print(f"warning: {path}: read with commas as decimal points: {', '.join(read)}", file=sys.stderr)
+    _warn(f"{path}: read with commas as decimal points: {', '.join(read)}")
     return {name: [cell and DECIMAL_COMMA.sub(r"\1.\2", str(cell)) for cell in column] if name in read else column
             for name, column in columns.items()}
+
+
+@cache
+def _warn(message: str) -> None:
+    """Print a warning, once: an import reads a table twice."""
+    print(f"warning: {message}", file=sys.stderr)
 
 
 def _separator(text: str, path: Path) -> str:
@@ -163,7 +170,7 @@ def _separator(text: str, path: Path) -> str:
     header = text.lstrip("\r\n").partition("\n")[0]
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if mark in header and "," not in header:
-            print(f"warning: {path}: read with {name} between cells", file=sys.stderr)
+            _warn(f"{path}: read with {name} between cells")
             return mark
     return ","
 
@@ -189,7 +196,7 @@ def text_of(path: Path) -> str:
         return _text_of_sheet(path)
     data = load_bytes(path)
     if data.startswith(BOM_UTF8):
-        print(f"warning: {path}: read without the byte-order mark that it begins with", file=sys.stderr)
+        _warn(f"{path}: read without the byte-order mark that it begins with")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -472,7 +479,8 @@ def _slip_of_all(table: RawTable, name: str, values: Floats) -> str:
         if (likely(other, (middle / factor + zero - start) * size) and not likely(name, middle)
                 and likely(name, (its / size + start - zero) * factor) and not (units and likely(other, its))):
             return f"{written} and {called} look exchanged: exchange their names"
-    names = [in_unit(written, unit) for unit in units]
+    names = [in_unit(written, unit) if BRACKETS.search(written) else name.removesuffix(unit_of(name)) + unit
+             for unit in units]
     return f"rename the column to {' or '.join(names)}" if names else ""
 
 

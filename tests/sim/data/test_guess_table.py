@@ -144,12 +144,13 @@ def test_an_angle_from_the_vertical_is_read_as_its_complement(name, value, rig, 
     assert ta.import_shots([mine], rig=rig, shot_map=again).shots.number("hood_deg") == pytest.approx(hood_deg)
 
 
-def test_semicolons_a_form_with_clock_times_and_a_header_of_two_lines(rig: Path, tmp_path: Path) -> None:
+def test_semicolons_a_form_with_clock_times_and_a_header_of_two_lines(rig, tmp_path, capsys):
     mine = sheet(tmp_path, 'Timestamp;"Distance', '(m)";Angle;RPM;What happened', "3/4/2026 10:12:33;3,5;45;3000;in",
                  "3/4/2026 10:13:33;3,5;45,5;3000;short")
     shots = ta.import_shots([mine], rig=rig).shots
     assert shots.number("distance_m").tolist() == [3.5, 3.5] and shots.number("hood_deg").tolist() == [45.0, 45.5]
     assert shots.text("outcome") == ("two", "miss") and shots.text("side") == ("", "low")
+    assert capsys.readouterr().err.count("read with semicolons between cells") == 1        # although it is read twice
 
 
 def test_shots_of_two_days_are_told_apart_and_the_words_of_both_count(rig: Path, tmp_path: Path) -> None:

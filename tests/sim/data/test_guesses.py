@@ -213,6 +213,7 @@ def test_a_logs_uncertain_words_are_asked_about_and_its_idle_ones_are_not(tmp_pa
     assert "certain of 'rim'" in asked and "idle" not in asked
     found = ta.import_shots([log], rig=rig, outcomes={"rim": "two"})
     assert found.shots.text("outcome") == ("two", "three", "miss", "two")
+    assert not any("idle" in line for line in found.left_out)
 
 
 @pytest.mark.parametrize(("times", "unit"), [
