@@ -268,11 +268,12 @@ def plan(worlds: int, nulls: int, seed: int) -> dict[str, tuple[str, str, int]]:
     """Worlds in turn over all effects, and nulls in turn over all systems."""
     every = [(kind, effect) for effect in range(4) for kind in KINDS]
     jobs = {}
-    for k in range(worlds):
+    for k in range(max(worlds, nulls)):                    # mixed, so that a run that is cut short has both
         kind, number = every[k % len(every)]
-        jobs[f"{seed}/world/{k}"] = (kind, list(KINDS[kind].effects)[number], seed + k)
-    for k in range(nulls):
-        jobs[f"{seed}/null/{k}"] = (list(KINDS)[k % len(KINDS)], "", seed + 100_000 + k)
+        if k < worlds:
+            jobs[f"{seed}/world/{k}"] = (kind, list(KINDS[kind].effects)[number], seed + k)
+        if k < nulls:
+            jobs[f"{seed}/null/{k}"] = (list(KINDS)[k % len(KINDS)], "", seed + 100_000 + k)
     return jobs
 
 
