@@ -81,6 +81,7 @@ class Model(Protocol):
         """Return the model with these columns among the shared ones, all others tested as before."""
 
 
+@runtime_checkable
 class Tested(Model, Protocol):
     """A model whose tested columns can be named: what discovery asks of it beside the fit."""
 
@@ -105,6 +106,7 @@ class Tested(Model, Protocol):
         """Return the model with an unexplained change among the shared columns; None if it cannot represent one."""
 
 
+@runtime_checkable
 class Shapes(Protocol):
     """An unexplained change: numbers times shapes over the shots [n, q], each with a standard deviation [q]."""
 
