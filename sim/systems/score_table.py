@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-import numba
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -23,6 +22,7 @@ from truearc.sim.infer.model import Carrying, Shapes
 from truearc.sim.systems import candidates as what
 from truearc.sim.systems.candidates import Candidate
 from truearc.sim.systems.flight import CLOSE, MOST_SUBSTEPS, Pushes, Stepper, carry
+from truearc.sim.systems.noise import Gains, noise_gains, whiten
 from truearc.sim.systems.system import Recording, Runs, System, record
 
 SLOWEST = 0.1                         # of the longest row: the noise's time constant at most (the design)
@@ -756,51 +756,6 @@ def _distortion(kind: str, values: Float[Array, "R T"], recording: Recording, le
         both = np.concatenate([slope[:, :1], 0.5 * (slope[:, :-1] + slope[:, 1:]), slope[:, -1:]], axis=1)
         return -both
     return -np.maximum(values - level, 0.0) if kind == "clip_high" else np.maximum(level - values, 0.0)
-
-
-Gains = tuple[Float[Array, "R T O"], Float[Array, "R T O"], Float[Array, "R T O"]]
-
-
-def noise_gains(noise: Float[Array, "O 3"], step_s: Float[Array, "R steps"], known: Bool[Array, "R T O"]) -> Gains:
-    """Return gain, variance of the innovation and fade to the next sample, of a filter of white plus slow noise."""
-    white, slow = np.exp(2.0 * noise[:, 0]), np.exp(2.0 * noise[:, 1])
-    fade = np.ones(known.shape)
-    fade[:, :-1] = np.exp(-step_s[:, :, None] / np.exp(noise[:, 2]))
-    return (*_gains(white, slow, fade, known), fade)
-
-
-@numba.njit(cache=True)
-def _gains(white: Any, slow: Any, fade: Any, known: Any) -> Any:
-    gain, variance = np.zeros(known.shape), np.ones(known.shape)
-    for r in range(known.shape[0]):
-        for o in range(known.shape[2]):
-            p = slow[o]
-            for t in range(known.shape[1]):
-                if known[r, t, o]:
-                    variance[r, t, o] = p + white[o]
-                    gain[r, t, o] = p / (p + white[o])
-                    p *= 1.0 - gain[r, t, o]
-                f = fade[r, t, o] * fade[r, t, o]
-                p = f * p + slow[o] * (1.0 - f)
-    return gain, variance
-
-
-@numba.njit(cache=True)
-def whiten(parts: Any, gain: Any, variance: Any, fade: Any) -> Any:
-    """Return signals [R, T, O, M] as innovations of unit variance; 0 where the output is unknown (gain 0)."""
-    found = np.zeros(parts.shape)
-    rows, samples, outputs, many = parts.shape
-    for r in range(rows):
-        for o in range(outputs):
-            mean = np.zeros(many)
-            for t in range(samples):
-                for m in range(many):
-                    if gain[r, t, o] > 0.0:
-                        e = parts[r, t, o, m] - mean[m]
-                        found[r, t, o, m] = e / np.sqrt(variance[r, t, o])
-                        mean[m] += gain[r, t, o] * e
-                    mean[m] *= fade[r, t, o]
-    return found
 
 
 def _log_volume(gains: Gains, known: Bool[Array, "R T O"]) -> Float[Array, " R"]:

@@ -48,7 +48,7 @@ class Believed:
         return np.exp(place) if self.log else place
 
 
-def positive(centre: float, *, factor: float = 2.0) -> Believed:
+def positive(centre: float | int, *, factor: float | int = 2.0) -> Believed:
     """Return a belief about a positive number: 68 % within the factor of the centre, either way.
 
     Raises:
@@ -59,7 +59,7 @@ def positive(centre: float, *, factor: float = 2.0) -> Believed:
     return Believed(float(centre), float(np.log(factor)), log=True)
 
 
-def normal(centre: float, *, sd: float) -> Believed:
+def normal(centre: float | int, *, sd: float | int) -> Believed:
     """Return a belief about a number of either sign: normal, with this standard deviation.
 
     Raises:

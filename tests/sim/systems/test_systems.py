@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 import truearc as ta
 from tests.conftest import DATA
 from truearc.cli.main import main
-from truearc.sim.systems.score_table import SystemModel, noise_gains, whiten
+from truearc.sim.systems.noise import noise_gains, whiten
+from truearc.sim.systems.score_table import SystemModel
 from truearc.sim.systems.system import Believed
 
 SAMPLES, STEP_S = 120, 0.02
