@@ -31,13 +31,14 @@ Ends = Mapping[str, tuple[float, float]]
 class Effect:
     """`rate(x, u, a)`: added to the rates; changed(p, c, a): parameters of a run; seen, driven: signals as distorted.
 
-    names: candidates that say it; none: it is in no list. size: of a, in the candidate's own unit.
+    names: candidates that say it; none: it is in no list. size: of a, in the candidate's own unit; of a parameter along
+    a covariate for a change of `per`, which the runs' own standard deviation replaces.
     """
 
     def __init__(self, size: float, names: Sequence[str] = (), rate: Any = None, changed: Any = None, seen: Any = None,
-                 driven: Any = None) -> None:
+                 driven: Any = None, per: float = 0.0) -> None:
         self.size, self.names, self.rate = size, names, rate
-        self.changed, self.seen, self.driven = changed, seen, driven
+        self.changed, self.seen, self.driven, self.per = changed, seen, driven, per
 
 
 class Kind:
@@ -86,10 +87,10 @@ KINDS: dict[str, Kind] = {
         {"angle_rad": 0.003, "speed_rad_s": 0.02}, 0.025, {
             "dry friction": Effect(-0.35, ["speed_rad_s_sign_speed_rad_s"], _more(
                 1, lambda x, u: _smooth(x[1], 0.05), 2)),
-            "square drag": Effect(-0.12, ["speed_rad_s_square_speed_rad_s"], _more(
+            "square drag": Effect(-0.25, ["speed_rad_s_square_speed_rad_s"], _more(
                 1, lambda x, u: x[1] * np.abs(x[1]), 2)),
             "damping by temperature": Effect(0.25, ["c_with_temperature_c"], changed=lambda p, c, a: {
-                **p, "c": p["c"] * np.exp(a * (c["temperature_c"] - 22.5) / 4.33)}),
+                **p, "c": p["c"] * np.exp(a * (c["temperature_c"] - 22.5) / 4.33)}, per=4.33),
             "ripple": Effect(0.9, rate=_more(1, lambda x, u: np.sin(9.0 * x[0]), 2))}),
     "servo": Kind(
         ("angle_rad", "speed_rad_s"), _servo, {"k": 6.0, "c": 0.6, "j": 0.03}, {"goal_rad": (-1.0, 1.0)},
@@ -106,7 +107,7 @@ KINDS: dict[str, Kind] = {
         ("upper_m", "lower_m"), _tanks, {"pump": 0.05, "k1": 0.12, "k2": 0.1}, {"pump_v": (1.0, 4.0)},
         {"temperature_c": (10.0, 35.0)}, {"upper_m": (0.5, 2.5), "lower_m": (0.5, 3.0)},
         {"upper_m": 0.01, "lower_m": 0.01}, 1.5, {
-            "overflow": Effect(-0.06, ["upper_m_above_upper_m"], _more(0, lambda x, u: np.maximum(x[0] - 2.0, 0.0), 2)),
+            "overflow": Effect(-0.12, ["upper_m_above_upper_m"], _more(0, lambda x, u: np.maximum(x[0] - 2.0, 0.0), 2)),
             "leak": Effect(-0.008, ["lower_m_prop_lower_m"], _more(1, lambda x, u: x[1], 2)),
             "late step": Effect(0.08, ["k2_step"], changed=lambda p, c, a: {
                 **p, "k2": p["k2"] * np.exp(a * (1.0 if c["run"] > c["last"] / 2 else 0.0))}),
@@ -115,7 +116,7 @@ KINDS: dict[str, Kind] = {
         ("x_m", "v_m_s"), _spring, {"k": 10.0, "c": 0.4}, {"force_n": (-4.0, 4.0)},
         {"mass_kg": (0.5, 2.0), "humidity": (0.2, 0.8)}, {"x_m": (-0.3, 0.3), "v_m_s": (0.0, 0.0)},
         {"x_m": 0.002, "v_m_s": 0.01}, 0.02, {
-            "hardening": Effect(-6.0, ["v_m_s_cubic_x_m"], _more(1, lambda x, u: x[0]**3, 2)),
+            "hardening": Effect(-15.0, ["v_m_s_cubic_x_m"], _more(1, lambda x, u: x[0]**3, 2)),
             "dry friction": Effect(-0.15, ["v_m_s_sign_v_m_s"], _more(1, lambda x, u: _smooth(x[1], 0.02), 2)),
             "speed gain": Effect(0.04, ["v_m_s_output_scale"], seen=("v_m_s", "scale")),
             "detent": Effect(-0.6, rate=_more(1, lambda x, u: np.sin(25.0 * x[0]), 2))}),
@@ -124,7 +125,7 @@ KINDS: dict[str, Kind] = {
         {"ambient_c": (10.0, 30.0), "fan": (0.0, 1.0)}, {"temp_c": (20.0, 60.0)}, {"temp_c": 0.1}, 5.0, {
             "radiation": Effect(-2.5e-7, ["temp_c_cubic_temp_c"], _more(0, lambda x, u: x[0]**3, 1)),
             "loss by fan": Effect(0.06, ["loss_with_fan"], changed=lambda p, c, a: {
-                **p, "loss": p["loss"] * np.exp(a * (c["fan"] - 0.5) / 0.289)}),
+                **p, "loss": p["loss"] * np.exp(a * (c["fan"] - 0.5) / 0.289)}, per=0.289),
             "power clipped": Effect(0.5, ["power_w_input_clip_high"], driven=("power_w", 50.0)),
             "latent heat": Effect(-0.15, rate=_more(0, lambda x, u: np.exp(-((x[0] - 55.0) / 3.0)**2), 1))})}
 EXTRA = ("a0", "a1", "a2", "a3", "a4", "a5")      # constants that a believed simulator of eight parameters has besides
@@ -209,7 +210,9 @@ def run(runs: int, parameters: int, job: tuple[str, str, int]) -> Line:
     holds = None
     if right and effect is not None and right[0] in effect.names:
         size = next(one for one in found.effects if one.term == right[0])
-        holds = bool(size.interval90[0] <= effect.size <= size.interval90[1])
+        along = found.investigation.model.labels[right[0]].along
+        true = effect.size * (along.width / effect.per if effect.per and along is not None else 1.0)
+        holds = bool(size.interval90[0] <= true <= size.interval90[1])
     return {"kind": name, "effect": concealed, "runs": runs, "parameters": parameters, "verdict": found.verdict,
             "set": every, "right": bool(right), "holds": holds, "listed": bool(effect is not None and effect.names),
             "p": found.p_value, "seconds": time.process_time() - begin}

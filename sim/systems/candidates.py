@@ -39,10 +39,14 @@ class Table:
     knots: Float[Array, " G"]
     table: Float[Array, " G"]
 
-    def of(self, values: Sequence[Float[Array, "R T"]]) -> Float[Array, "R T"]:
+    def of(self, values: Sequence[Float[Array, "..."]]) -> Float[Array, "..."]:
         """Return the push of amplitude 1 along values."""
-        found = np.interp(values[self.reads], self.knots, self.table)
+        found = self.drawn(values)
         return found if self.times < 0 else found * values[self.times]
+
+    def drawn(self, values: Sequence[Float[Array, "..."]]) -> Float[Array, "..."]:
+        """Return the table along values."""
+        return np.interp(values[self.reads], self.knots, self.table)
 
 
 @dataclass(frozen=True)

@@ -419,12 +419,9 @@ class Intervals:
 
 def foresee(system: System, runs: Runs) -> tuple[Sight, SystemModel]:
     """Return what runs with these inputs could show, before any output is measured; and the model behind it."""
+    if any(sd is None and name not in runs.columns for name, sd in system.outputs.items()):
+        raise InputError("identifiability: state the noise of each output in observe={...}: it cannot be fitted before "
+                         "there are recordings")
     model = SystemModel.of(system, runs, blind=True)
-    if not np.isfinite(model.recording.seen).any():
-        seen = np.where(model.recording.real[:, :, None], model.flights(model.starts()[0]), np.nan)
-        model = replace(model, recording=replace(model.recording, seen=seen))
-        if any(sd is None for sd in system.outputs.values()):
-            raise InputError("identifiability: state the noise of each output in observe={...}: it cannot be fitted "
-                             "before there are recordings")
     point = model.starts()[0]
     return sight_of(model.linearise(point)[0], "runs", tuple(system.believed)), model

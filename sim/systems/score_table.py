@@ -21,7 +21,7 @@ from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable, 
 from truearc.sim.infer.model import Carrying, Shapes
 from truearc.sim.systems import candidates as what
 from truearc.sim.systems.candidates import Candidate
-from truearc.sim.systems.flight import CLOSE, MOST_SUBSTEPS, Pushes, Stepper, carry
+from truearc.sim.systems.flight import CLOSE, MOST_SUBSTEPS, Pushes, Stepper, call_rate, carry
 from truearc.sim.systems.noise import Gains, noise_gains, whiten
 from truearc.sim.systems.system import Recording, Runs, System, record
 
@@ -136,6 +136,9 @@ class SystemModel:
         found = [one for one, _ in system.found]
         bare = bare._laid_out(shared, found, [])
         bare = replace(bare, substeps=bare._enough_steps())
+        if blind and not np.isfinite(recording.seen).any():
+            seen = np.where(recording.real[:, :, None], bare.flights(bare.starts()[0]), np.nan)
+            bare = replace(bare, recording=replace(recording, seen=seen))
         bare._check()
         if not testing:
             return bare
@@ -370,9 +373,9 @@ class SystemModel:
             elif kind == "push" and slot in active:
                 force[:, :, :, number] = by[..., at[3] + active.index(slot)]
             elif kind == "push" and push is not None:
-                shape = push.of(sources)
-                held = push.reads >= s and self.system.hold == "zero"
-                middle = shape[:, :-1] if held else 0.5 * (shape[:, :-1] + shape[:, 1:])
+                middle = self._middle(push.drawn(sources), push.reads)
+                if push.times >= 0:
+                    middle = middle * self._middle(sources[push.times], push.times)
                 force[:, :, :, number] = by[..., at[2] + push.rate] * middle[..., None]
             elif kind == "effect" and slot in own:
                 force[:, :, :, number] = by[..., at[4] + own.index(slot)]
@@ -385,6 +388,11 @@ class SystemModel:
         begin[:, :, len(slots):] = np.eye(s) * self.begin_sd[:, :, None]
         moved = carry(phi, force, begin)[:, :, out]
         return states[:, :, out], moved[..., :len(slots)], moved[..., len(slots):]
+
+    def _middle(self, values: Float[Array, "R T"], number: int) -> Float[Array, "R steps"]:
+        """What value `number`, or a function of it, is during each step."""
+        held = number >= len(self.system.state) and self.system.hold == "zero"
+        return values[:, :-1] if held else 0.5 * (values[:, :-1] + values[:, 1:])
 
     def _own_effect(self, number: int, usual: float, sources: Sequence[Array], by_push: Array) -> Array:
         """The slope of steps by an effect of the user's own, of amplitude zero."""
@@ -479,7 +487,8 @@ class SystemModel:
             states = self._states(point)[0]
             wrong = ~np.isfinite(states) & self.recording.real[:, :, None]
             if wrong.any():
-                row, n, k = np.argwhere(wrong)[0]
+                row, n, k = np.argwhere(wrong)[0].tolist()
+                k = self._failing(row, max(n - 1, 0), states, k)
                 near = ", ".join(f"{name} {states[row, max(n - 1, 0), j]:.4g}" for j, name in enumerate(system.state))
                 raise InputError(f"rate: returned a number that is not finite for {system.state[k]} in run "
                                  f"{self.recording.labels[row]} at t {self.recording.time_s[row, max(n - 1, 0)]:g} s, "
@@ -491,6 +500,14 @@ class SystemModel:
             if table.information[k, k] * one.sd**2 < NOTHING:
                 raise InputError(f"believed: {name} changes nothing that is observed; leave it out, or observe "
                                  "something that it moves")
+
+    def _failing(self, row: int, sample: int, states: Float[Array, "R T S"], state: int) -> int:
+        """The state whose rate is not finite at a sample; `state` if none is there."""
+        recording = self.recording
+        u = [*recording.inputs[row, sample], *recording.conditions[row]]
+        found = call_rate(self.system, self.names, states[row, sample], u,
+                          [one.centre for one in self.system.believed.values()])
+        return next((k for k, one in enumerate(found) if not np.isfinite(np.asarray(one, dtype=float))), state)
 
     # --- the protocol of a fit
 
@@ -645,7 +662,7 @@ class SystemModel:
 
     def describe(self, name: str) -> tuple[str, str] | None:
         one = self.labels.get(name)
-        return None if one is None else (one.label, "1" if one.unit == "unit" else one.unit)
+        return None if one is None else ("its size", "1" if one.unit == "unit" else one.unit)
 
     def stopped(self, scores: ScoreTable) -> dict[str, float]:
         return {}

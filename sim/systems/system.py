@@ -26,7 +26,9 @@ GAP = 5.0                             # median time steps that make a gap
 UNEVEN = 0.01                         # share of the median step by which steps may differ without a note
 SLIPS = {57.29578: "degrees and radians", 1000.0: "a unit and its thousandth", 100.0: "metres and centimetres",
          9.80665: "kilograms and newtons", 9.549297: "rad/s and rpm", 60.0: "seconds and minutes"}
-SLIP = 0.15                           # share by which a run's scale may miss such a factor; chosen
+# Chosen: a run's scale may miss the factor by 15 %, or by three times what the logs of the others' scales spread by;
+# where these spread by more than a factor of 1.6 nothing can be told
+SLIP, SPREAD = 0.15, 0.5
 MANY = 4                              # runs from which scales are compared
 
 
@@ -295,12 +297,12 @@ class Runs:
                 middle = float(np.median(others))
                 if middle <= 0.0 or scale[k] <= 0.0:
                     continue
-                ratio = max(scale[k] / middle, middle / scale[k])
-                spread = float(np.exp(np.std(np.log(np.maximum(others, 1e-300) / middle))))
-                for factor, what in SLIPS.items():
-                    if abs(ratio / factor - 1.0) < SLIP and ratio > 3.0 * spread**2:
-                        raise InputError(f"runs: run {label}: {name} is {scale[k] / middle:.3g} times as large as in "
-                                         f"the other runs: {what} may have been mixed")
+                ratio = abs(float(np.log(scale[k] / middle)))
+                spread = float(np.std(np.log(np.maximum(others, 1e-300) / middle)))
+                factor = min(SLIPS, key=lambda one: abs(ratio - np.log(one)))
+                if spread < SPREAD and abs(ratio - np.log(factor)) < max(SLIP, 3.0 * spread) and ratio > 4.0 * spread:
+                    raise InputError(f"runs: run {label}: {name} is {scale[k] / middle:.3g} times as large as in the "
+                                     f"other runs: {SLIPS[factor]} may have been mixed")
 
 
 @dataclass(frozen=True, eq=False)

@@ -179,7 +179,7 @@ def test_identifiability_needs_no_outputs() -> None:
     answer = ta.identifiability(spring(start={"x_m": ta.normal(0.0, sd=0.1), "v_m_s": ta.normal(0.0, sd=0.1)}),
                                 runs_of(inputs))
     power = dict(zip(answer.table().column("candidate"), answer.table().column("power"), strict=True))
-    assert power["v_m_s_sign_v_m_s"] > 0.8
+    assert 0.2 < power["v_m_s_sign_v_m_s"] < 0.9
 
 
 def test_closed_program_is_fitted_by_differences() -> None:
