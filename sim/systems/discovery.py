@@ -19,7 +19,7 @@ from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect,
 from truearc.sim.discover.identifiability import Sight, sight_of
 from truearc.sim.discover.next_steps import contest_of, worth
 from truearc.sim.discover.select.posterior import climb_carried
-from truearc.sim.discover.select.terms import one_step
+from truearc.sim.discover.select.terms import TOLD_APART, one_step
 from truearc.sim.infer.fit import Fit, climb, fit_believed
 from truearc.sim.infer.likelihood.score_table import Array, clustered_error, folds_of
 from truearc.sim.printed import Progress, part_of
@@ -140,13 +140,17 @@ def fit_system(system: System, runs: Runs, progress: Progress = lambda done, not
 
 
 def one_name_each(fitted: SystemFitted) -> SystemFitted:
-    """Return the fit with one candidate of those whose scores go together, the first; the others are its members."""
+    """Return the fit with one candidate of those whose scores go together, the first; the others are its members.
+
+    Strong effects tell even such candidates apart: they stay if a fit of one would lose TOLD_APART nats by the other.
+    """
     found, alike = one_step(fitted.scores)
     model: SystemModel = fitted.model
     kept: list[int] = []
     members: dict[str, tuple[str, ...]] = {}
     for k, one in enumerate(found):
-        twin = next((j for j in kept if abs(alike[k, j]) > ONE_NAME), None) if one.visible else None
+        twin = next((j for j in kept if abs(alike[k, j]) > ONE_NAME and 0.5 * (1.0 - alike[k, j]**2) * max(
+            one.z**2, found[j].z**2) < TOLD_APART), None) if one.visible else None
         if twin is None:
             kept.append(k)
         else:

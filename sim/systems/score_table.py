@@ -604,7 +604,7 @@ class SystemModel:
         return False
 
     def starts(self) -> tuple[SystemPoint, ...]:
-        """Return the priors' centres, with slow noise as large as the believed simulation is off."""
+        """Return the priors' centres."""
         layout, values = self.layout, np.zeros(len(self.entries))
         own = layout.source[layout.first_shared:]
         values[own[own >= 0]] = layout.centre[own >= 0]
