@@ -7,6 +7,7 @@ from truearc.api.following import Following, follow
 from truearc.api.forecasting import AimTable, aim, export_aim, predict, verify_aim
 from truearc.api.gate import GateTraining, train_gate
 from truearc.api.results import Recording, Table, load_finding
+from truearc.api.systems import SystemFinding, SystemFit, SystemIdentifiability
 from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
 from truearc.model_export.verify import verify_gate
@@ -28,13 +29,15 @@ from truearc.sim.physics.term import (
     SensingTerm,
     WatchTerm,
 )
+from truearc.sim.systems.system import Runs, System, effect, normal, positive
 
 __all__ = [
     "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "Following",
     "GateTraining", "Identifiability", "InputError", "LaunchTerm", "Parameter", "Pooled", "Prior", "Recording",
-    "Rig", "SensingTerm", "ShotDesign", "Table", "WatchTerm", "aim", "catalogue", "dataset", "design_shots",
-    "discover", "emulate", "export_aim", "export_weights", "fit", "follow", "identifiability", "import_shots",
-    "load_belief", "load_config", "load_dataset", "load_finding", "load_rig", "paper", "pool", "predict",
+    "Rig", "Runs", "SensingTerm", "ShotDesign", "System", "SystemFinding", "SystemFit", "SystemIdentifiability",
+    "Table", "WatchTerm", "aim", "catalogue", "dataset", "design_shots", "discover", "effect", "emulate",
+    "export_aim", "export_weights", "fit", "follow", "identifiability", "import_shots", "load_belief",
+    "load_config", "load_dataset", "load_finding", "load_rig", "normal", "paper", "pool", "positive", "predict",
     "save_dataset", "shots_from_sessions", "train_gate", "verify_aim", "verify_gate",
 ]
 

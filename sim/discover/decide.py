@@ -63,13 +63,12 @@ from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import Place, locate
 from truearc.sim.discover.finding import Adoption, FitSummary
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis, weigh
-from truearc.sim.discover.select.terms import CREDIBLE_SD, MOST_USUAL, NEVER, SURE, Naming, name_terms
+from truearc.sim.discover.select.terms import MOST_USUAL, NEVER, SURE, Naming, name_terms
 from truearc.sim.infer.intervals import NumberChange
-from truearc.sim.infer.launcher import STRONG, LauncherFit, stopped
+from truearc.sim.infer.launcher import STRONG, LauncherFit
 from truearc.sim.infer.likelihood.data import Each
-from truearc.sim.infer.likelihood.layout import is_tracker
 from truearc.sim.infer.likelihood.score_table import Column, clustered_error, folds_of
-from truearc.sim.physics.catalogue import Catalogue, find_parameter
+from truearc.sim.infer.model import Tested
 from truearc.sim.printed import Progress, part_of
 from truearc.sim.statistics import Z90
 
@@ -132,11 +131,12 @@ class Search:
     false_alarm: float
     seed: int
     home: battery.ReferenceSession | None = None          # session relative to which changes are tested
+    paired: str = battery.LAUNCH_SPEED                    # column that pairs of covariates are tested on; "": none
 
     def ask(self, fitted: LauncherFit) -> Asked:
         """Return all tests of the fit, with the misfit of the reference session subtracted."""
         home = None if self.home is None else self.home.among(fitted)
-        return ask_everything(fitted.scores, self.covariates, self.factors, self.shots, home)
+        return ask_everything(fitted.scores, self.covariates, self.factors, self.shots, home, self.paired)
 
     def left(self, fitted: LauncherFit) -> tuple[Asked, Judged] | None:
         """Return all tests and their judgement if anything remains beside the effects already found; else None."""
@@ -183,20 +183,20 @@ def guarded(steps: tuple[Step, ...]) -> tuple[Step, ...]:
     for k, step in enumerate(steps):
         why = "" if step.unknown else next(filter(None, (guard(step) for guard in GUARDS)), "")
         if why:
-            label = step.fitted.model.catalogue.find((step.naming.leader.partition(".")[0],))[0].label
+            label = step.fitted.model.label_of(step.naming.leader)
             return (*steps[:k], replace(step, unknown=True, withheld=f"with {label}, {why}"))
     return steps
 
 
 def at_limit(step: Step) -> str:
-    among = step.refit.model.catalogue
-    found = [_said(name, "stopped at", f"{value:.4g}", among)
-             for name, value in stopped(step.refit.scores, among).items()]
+    model = step.refit.model
+    found = [_said(name, "stopped at", f"{value:.4g}", model)
+             for name, value in model.stopped(step.refit.scores).items()]
     return f"{' and '.join(found)}, the end of its range" if found else ""
 
 
 def out_of_nature(step: Step) -> str:
-    return " and ".join(_said(name, "would have to be", f"{value:.3g}", step.refit.model.catalogue)
+    return " and ".join(_said(name, "would have to be", f"{value:.3g}", step.refit.model)
                         for name, value in strange(step.refit).items())
 
 
@@ -206,24 +206,26 @@ def too_large(step: Step) -> str:
     A size that was measured independently is never too large.
     """
     found, usual = step.refit, step.column.usual
-    name, among = found.names[0], found.model.catalogue
+    name = found.names[0]
     if name in found.model.layout.measured:
         return ""
     size = max(abs(float(found.amplitude[0])), abs(step.naming.told(step.fitted, name)[0]))
-    return (f"{_meaning(name, among)} would have to be {size / usual:.1f} times as large as is usual in such a place"
-            if size > MOST_USUAL * usual else "")
+    return (f"{_meaning(name, found.model)} would have to be {size / usual:.1f} times as large as is usual in such a "
+            "place" if size > MOST_USUAL * usual else "")
 
 
-def _said(name: str, verb: str, value: str, among: Catalogue) -> str:
+def _said(name: str, verb: str, value: str, model: Tested) -> str:
     """Return a phrase such as "wind upward (wind_z.speed_m_s) would have to be 9 m/s"."""
-    if among.get(name.partition(".")[0]) is None:
+    described = model.describe(name)
+    if described is None:
         return f"{name} {verb} {value}"
-    unit = find_parameter(name, among).unit
-    return f"{_meaning(name, among)} {verb} {value}{'' if unit == '1' else f' {unit}'}"
+    unit = described[1]
+    return f"{_meaning(name, model)} {verb} {value}{'' if unit == '1' else f' {unit}'}"
 
 
-def _meaning(name: str, among: Catalogue) -> str:
-    return f"{find_parameter(name, among).meaning} ({name})"
+def _meaning(name: str, model: Tested) -> str:
+    described = model.describe(name)
+    return f"{described[0]} ({name})" if described else name
 
 
 GUARDS: tuple[Callable[[Step], str], ...] = (at_limit, out_of_nature, too_large)
@@ -269,7 +271,7 @@ def _beside_both(both: LauncherFit, names: tuple[str, ...], search: Search, prog
 
 def _direction(fitted: LauncherFit, change: Hypothesis) -> str:
     assert change.family is not None
-    return fitted.scores.columns[fitted.scores.index(change.family.column)].direction
+    return fitted.scores.columns[change.family.part.columns[0]].direction
 
 
 def one_effect(found: Weighed) -> Step:
@@ -367,19 +369,9 @@ def take_apart(fitted: LauncherFit, first: Step, pair: LauncherFit, progress: Pr
 
 
 def strange(fit: LauncherFit, trackers: bool = False) -> dict[str, float]:
-    """Return the parameters of believed terms that lie more than CREDIBLE_SD standard deviations of the prior from its
-    centre, which means that an added term may represent another effect.
-
-    Parameters of an earlier session may change and do not count; those of a tracker are reported separately and count
-    only if `trackers`.
-    """
-    layout, first = fit.model.layout, fit.model.layout.first_shared
-    sd = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
-    far = layout.in_slot[first:] & (np.abs(fit.scores.point[first:] - layout.centre) > CREDIBLE_SD * sd)
-    return {column.name: float(value) for column, value, out in zip(layout.columns[first:], fit.scores.point[first:],
-                                                                    far, strict=True)
-            if out and not column.told and column.name not in fit.names
-            and (trackers or not is_tracker(column, fit.model.catalogue))}
+    """Return the believed numbers far outside their prior, which means that an added term may represent another effect;
+    those of a tracker, which are reported separately, only if `trackers`."""
+    return fit.model.strange(fit.scores, fit.names, trackers)
 
 
 def unseen_scores(naming: Naming, fitted: LauncherFit) -> tuple[Each, Each, Each]:

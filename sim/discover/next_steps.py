@@ -89,7 +89,7 @@ def make_design(step: Step, shots: int = PLANNED_SHOTS, configurations: int = CO
     if not can_design(step):
         raise ValueError("fewer than two names compete")
     names = _competing(step)
-    contest = _contest(step, names)
+    contest = contest_of(step, names)
     block = max(shots // configurations, 1)
     there = at_paces(step.fitted)
 
@@ -115,7 +115,8 @@ def _competing(step: Step) -> tuple[str, ...]:
     return tuple(name for name in step.chosen if name in step.naming.refits)[:MOST_NAMES]
 
 
-def _contest(step: Step, names: tuple[str, ...]) -> Contest:
+def contest_of(step: Step, names: tuple[str, ...]) -> Contest:
+    """Return the contest between these names of a step."""
     evidence, naming = step.fitted.scores, step.naming
     columns = np.array([evidence.index(name) for name in names], dtype=int)
     usual = np.array([evidence.columns[k].usual for k in columns])

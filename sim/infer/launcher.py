@@ -21,8 +21,17 @@ from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import plane_grid
 from truearc.sim.infer.likelihood.layout import SCATTER_NAMES, Layout, Point, believed_name, is_tracker, own_slope
 from truearc.sim.infer.likelihood.noise import SCATTER_MOST, SCATTER_PRIOR, SCATTERS, WEAKER
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.physics.catalogue import CURVE, NAMELESS, Catalogue, as_catalogue, find_parameter, find_terms
+from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
+from truearc.sim.infer.model import Carrying, Shapes
+from truearc.sim.physics.catalogue import (
+    CURVE,
+    NAMELESS,
+    Catalogue,
+    as_catalogue,
+    find_nameless,
+    find_parameter,
+    find_terms,
+)
 from truearc.sim.physics.term import (
     LOG,
     Parameter,
@@ -56,6 +65,9 @@ FEW = 200                             # outcomes up to which the likelihood may 
 IMPROBABLE = 2.58                     # prior standard deviations that a hundredth of the prior lies beyond
 # Chosen: as FALSE_ALARM; each of k numbers then has ODD / k. Measured: of 60 sound simulated datasets none has one
 ODD = 0.05                            # share of rigs, as the priors have them, with a number at an odd place
+# Derived: normal quantile 0.9995; the fit's prior is WEAKER times as wide as the catalogue's
+CREDIBLE_SD = 3.29                    # standard deviations of a prior within which a parameter is believable
+CURVE_POINTS = 8                      # of an unexplained change; with the shortest length no bend is lost
 STRONG = 10.0                         # factor by which strong evidence raises odds (Jeffreys 1961, appendix B)
 
 
@@ -255,8 +267,92 @@ class Launcher:
         """Return a point of the launcher before `along`, with the curves as they were given."""
         return replace(point, values=np.concatenate([point.values, self.layout.usual[len(point.values):]]))
 
+    def range_of(self, name: str) -> tuple[float, float]:
+        one = find_parameter(name, self.catalogue)
+        return one.low, one.high
+
+    def law_of(self, name: str) -> tuple[float | None, float]:
+        term = find_terms((name.partition(".")[0],), self.catalogue)[0]
+        return term.law_sd, term.positive
+
+    def is_natural(self, name: str, amplitude: float) -> bool:
+        prior = find_parameter(name, self.catalogue).prior
+        if prior is None or prior.scale != LOG:
+            return True
+        return bool(amplitude <= from_scale(prior.scale, to_scale(prior.scale, prior.centre) + CREDIBLE_SD * prior.sd))
+
+    def label_of(self, name: str) -> str:
+        return self.catalogue.find((name.partition(".")[0],))[0].label
+
+    def describe(self, name: str) -> tuple[str, str] | None:
+        if self.catalogue.get(name.partition(".")[0]) is None:
+            return None
+        one = find_parameter(name, self.catalogue)
+        return one.meaning, one.unit
+
+    def stopped(self, scores: ScoreTable) -> dict[str, float]:
+        return stopped(scores, self.catalogue)
+
+    def strange(self, scores: ScoreTable, beside: Iterable[str], trackers: bool) -> dict[str, float]:
+        """Return parameters of believed terms more than CREDIBLE_SD standard deviations of the prior from its centre.
+
+        Parameters of an earlier session may change and do not count; those of a tracker only if `trackers`.
+        """
+        layout, first, named = self.layout, self.layout.first_shared, {*beside}
+        sd = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
+        far = layout.in_slot[first:] & (np.abs(scores.point[first:] - layout.centre) > CREDIBLE_SD * sd)
+        return {column.name: float(value) for column, value, out in zip(
+            layout.columns[first:], scores.point[first:], far, strict=True)
+            if out and not column.told and column.name not in named
+            and (trackers or not is_tracker(column, self.catalogue))}
+
+    def exchanged(self, name: str, best: "Launcher", point: Point, start: Point) -> Point:
+        values, own = point.values.copy(), best.layout.source[0]
+        values[own] = start.values[own]
+        return replace(point, values=values)
+
+    def carrying(self, point: Point, lost: bool, part: Shapes) -> "Carrying[Launcher] | None":
+        """Return the launcher with a nameless term along a curve of zero: a step on slopes may lead to where the flown
+        simulation is worse than without it."""
+        taken = curve_term(self.layout.columns[part.columns[0]], self.layout)
+        shapes = part.shapes.shape[1]
+        if taken is None or shapes > CURVE_POINTS:
+            return None
+        by = np.zeros((len(part.shapes), CURVE_POINTS + 1))    # as many for all, so that compiled code is shared
+        by[:, :shapes] = part.shapes * part.sd / find_nameless(taken[0]).usual
+        return self.along_zero(point, lost, *taken, Curve((0.0,) * CURVE_POINTS, 0.0), by)
+
+    def along_zero(self, point: Point, lost: bool, term: str, values: Mapping[str, float], curve: Curve,
+                   by: Float[Array, "n points"]) -> "Carrying[Launcher]":
+        """Return the launcher `along` a curve that begins at zero."""
+        model = self.along(term, values, curve.moved(dict.fromkeys(curve.fitted, 0.0)), by)
+        bare = model.shared_only()
+        return Carrying(model, [model.extended(point), *([bare.middle()] if lost else [])])
+
 
 LauncherFit = Fit[Launcher]
+FREE_TERMS = {"launch speed": ("free_speed", {"share": 1.0}),
+              "launch elevation": ("free_elevation", {"angle_rad": 1.0}),
+              "distance": ("free_distance", {"bias_m": 1.0})}
+SIDES = {"along": "along", "vertical": "up", "lateral": "left"}
+LONGEST_S = 60.0                      # longer than any flight
+
+
+def curve_term(column: Column, layout: Layout) -> tuple[str, dict[str, float]] | None:
+    """Return the nameless term, with its numbers, that changes what the column does; None if there is none, or the
+    layout already has it."""
+    if column.name in FREE_TERMS:
+        name, values = FREE_TERMS[column.name]
+        values = dict(values)
+    elif column.name.startswith("push "):
+        name, values = "free_push", {"size_m_s2": 1.0, SIDES[column.direction]: 1.0}
+        if column.times_s is not None:
+            values |= {"from_s": column.times_s[0], "to_s": min(column.times_s[1], LONGEST_S)}
+        elif column.follows:
+            values |= {"with_speed": 1.0}
+    else:
+        return None
+    return None if name in layout.chain.terms else (name, values)
 
 
 @cache

@@ -5,7 +5,8 @@ shared. A point is the linearization point of a simulation; it belongs to the mo
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Protocol, Self, TypeVar, runtime_checkable
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, Self, TypeVar, runtime_checkable
 
 from truearc.sim.infer.likelihood.score_table import Centre, Change, Column, Precision, ScoreTable, Which
 
@@ -80,4 +81,49 @@ class Model(Protocol):
         """Return the model with these columns among the shared ones, all others tested as before."""
 
 
+@runtime_checkable
+class Tested(Model, Protocol):
+    """A model whose tested columns can be named: what discovery asks of it beside the fit."""
+
+    def range_of(self, name: str) -> tuple[float, float]:
+        """Return the ends of an amplitude's range; for a believed number, those of the number."""
+    def law_of(self, name: str) -> tuple[float | None, float]:
+        """Return (standard deviation of the amplitude about 1 if a law of physics gives its size, else None;
+        probability that it is above 0)."""
+    def is_natural(self, name: str, amplitude: float) -> bool:
+        """Return whether the amplitude is within 99.9 % of its prior if that is log-normal; else True."""
+    def label_of(self, name: str) -> str:
+        """Return the name in running text."""
+    def describe(self, name: str) -> tuple[str, str] | None:
+        """Return (meaning, unit) of a column; None if it has no meaning of its own."""
+    def stopped(self, scores: ScoreTable) -> dict[str, float]:
+        """Return fitted numbers that stopped at the end of their range, by name."""
+    def strange(self, scores: ScoreTable, beside: Iterable[str], trackers: bool) -> dict[str, float]:
+        """Return the fitted numbers far outside their prior, by name, except those `beside`."""
+    def exchanged(self, name: str, best: "Model", point: Any, start: Any) -> Any:
+        """Return the point of a fit with another name in `best`, without that name's effect, which is as at `start`."""
+    def carrying(self, point: Any, lost: bool, part: "Shapes") -> "Carrying[Self] | None":
+        """Return the model with an unexplained change among the shared columns; None if it cannot represent one."""
+
+
+@runtime_checkable
+class Shapes(Protocol):
+    """An unexplained change: numbers times shapes over the shots [n, q], each with a standard deviation [q]."""
+
+    @property
+    def columns(self) -> Any: ...
+    @property
+    def shapes(self) -> Any: ...
+    @property
+    def sd(self) -> Any: ...
+
+
 AnyModel = TypeVar("AnyModel", bound=Model)
+
+
+@dataclass(frozen=True)
+class Carrying(Generic[AnyModel]):
+    """A model of the shared columns that carries an unexplained change, and the points to climb from."""
+
+    model: AnyModel
+    starts: Sequence[Any]

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import msgspec
 import numpy as np
@@ -12,6 +12,7 @@ from msgspec import json, structs
 
 from truearc.api.arguments import check_kind, names_of
 from truearc.api.results import FindingReport, Table, Tabular
+from truearc.api.systems import SystemFinding, SystemIdentifiability, discover_system, foresee_system
 from truearc.errors import InputError, about, save_whole
 from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
@@ -32,6 +33,7 @@ from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Progress, show_progress
 from truearc.sim.report import Origin
+from truearc.sim.systems.system import Runs, System
 
 IN_PYTHON = "made in Python"          # in place of a command line
 TERM_COLUMNS = ("term", "stage", "unit", "usual", "smallest", "power", "shots_needed", "share_left", "like",
@@ -106,15 +108,28 @@ class Finding(FindingReport):
         return console_lines(self.record, self.investigation.catalogue)
 
 
-def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterable[str | Term] | None = None,
-             terms: Iterable[Term] | None = None, since: Dataset | None = None,
-             measured: Mapping[str, tuple[float, float]] | None = None, seed: int = 0,
+@overload
+def discover(dataset: Dataset, *, belief: Belief | None = ..., believe: Iterable[str | Term] | None = ...,
+             terms: Iterable[Term] | None = ..., since: Dataset | None = ...,
+             measured: Mapping[str, tuple[float, float]] | None = ..., seed: int = ..., false_alarm: float = ...,
+             accept: Collection[str] = ..., progress: Progress | None = ...) -> Finding: ...
+
+
+@overload
+def discover(dataset: System, runs: Runs, *, seed: int = ..., false_alarm: float = ...,
+             progress: Progress | None = ...) -> SystemFinding: ...
+
+
+def discover(dataset: Dataset | System, runs: Runs | None = None, *, belief: Belief | None = None,
+             believe: Iterable[str | Term] | None = None, terms: Iterable[Term] | None = None,
+             since: Dataset | None = None, measured: Mapping[str, tuple[float, float]] | None = None, seed: int = 0,
              false_alarm: float = settings.FALSE_ALARM, accept: Collection[str] = (),
-             progress: Progress | None = None) -> Finding:
+             progress: Progress | None = None) -> Finding | SystemFinding:
     """Test whether a dataset disagrees with the simulation, locate the mismatch, and rank the terms that explain it.
 
     Args:
-        dataset: Shots with outcomes, heights or tracks.
+        dataset: Shots with outcomes, heights or tracks; or a System.
+        runs: Of a System its recordings; only seed, false_alarm and progress apply with them.
         belief: Coefficients of the same rig from an earlier session. Its terms, with their uncertainty, are the
             baseline model and are also tested for changes.
         believe: Instead of a belief, the terms of the baseline model, whose coefficients are fitted; None: [believe] of
@@ -134,7 +149,11 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
             target.
     """
     settings.check_chances(false_alarm, seed)
+    if isinstance(dataset, System):
+        return discover_system(dataset, runs, seed, false_alarm, progress or show_progress("discover"))
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
+    if runs is not None:
+        raise InputError("runs: go with a System, not with a dataset of shots")
     among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
     if belief is not None and believe is not None:
         raise InputError("belief and believe exclude each other: the belief has its own terms")
@@ -214,15 +233,28 @@ class Identifiability(Tabular):
         return pages.sight_lines(self.sight, self.catalogue)
 
 
-def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, shots: int | None = None,
-                    believe: Iterable[str | Term] | None = None, terms: Iterable[Term] | None = None,
-                    sides: bool = False, seed: int | None = None, name: str | None = None,
-                    accept: Collection[str] = (),
-                    progress: Progress | None = None) -> Identifiability:
+@overload
+def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = ..., shots: int | None = ...,
+                    believe: Iterable[str | Term] | None = ..., terms: Iterable[Term] | None = ...,
+                    sides: bool = ..., seed: int | None = ..., name: str | None = ..., accept: Collection[str] = ...,
+                    progress: Progress | None = ...) -> Identifiability: ...
+
+
+@overload
+def identifiability(rig_or_dataset: System, runs: Runs) -> SystemIdentifiability: ...
+
+
+def identifiability(rig_or_dataset: Rig | Dataset | System, runs: Runs | None = None, *, level: str | None = None,
+                    shots: int | None = None, believe: Iterable[str | Term] | None = None,
+                    terms: Iterable[Term] | None = None, sides: bool = False, seed: int | None = None,
+                    name: str | None = None, accept: Collection[str] = (),
+                    progress: Progress | None = None) -> Identifiability | SystemIdentifiability:
     """Compute which terms shots could reveal, before any result is known.
 
     Args:
-        rig_or_dataset: A rig, for which a season of shots is planned, or a dataset with or without results.
+        rig_or_dataset: A rig, for which a season of shots is planned, or a dataset with or without results; or a
+            System.
+        runs: Of a System, its inputs and conditions, with or without outputs; no other argument applies with them.
         level: Rig only: recorded data, "L0" outcomes (the default), "L1" also telemetry, "L2" also tracks.
         shots: Rig only: number of shots in the season; None: 300.
         believe: Terms of the baseline model, whose coefficients are fitted; None: [believe] of the rig.
@@ -237,6 +269,8 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
         InputError: an implausible rig or dataset, an unknown level or term, too few shots, a target that is missing or
             out of reach, level or shots given with a dataset, or sides or seed given with a dataset that has results.
     """
+    if isinstance(rig_or_dataset, System):
+        return foresee_system(rig_or_dataset, runs)
     progress = progress or show_progress("identifiability")
     check_kind("rig_or_dataset", rig_or_dataset, (Rig, Dataset), "load_rig(...) or truearc.load_dataset(...)")
     rig = rig_or_dataset.rig if isinstance(rig_or_dataset, Dataset) else rig_or_dataset

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from truearc.api.arguments import check_kind, joined, names_of
 from truearc.api.results import Table, Tabular
+from truearc.api.systems import SystemFit, fit_system
 from truearc.errors import InputError, whole_file
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
@@ -27,6 +28,7 @@ from truearc.sim.paper.grid_fit import GridFit, Score, draw_map, explain, fit_gr
 from truearc.sim.physics.term import LINEAR, Term, from_scale
 from truearc.sim.printed import Progress, make_text, show_progress
 from truearc.sim.statistics import Z90
+from truearc.sim.systems.system import Runs, System
 
 COLUMNS = ("parameter", "value", "low90", "high90", "unit", "closed")
 FEWEST = 2
@@ -142,15 +144,19 @@ def fit(dataset: Dataset, *, method: Literal["grid"], step: float = STEP, accept
         progress: Progress | None = ...) -> GridSearch: ...
 
 
-def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: str = "map",
+@overload
+def fit(dataset: System, terms: Runs, *, progress: Progress | None = ...) -> SystemFit: ...
+
+
+def fit(dataset: Dataset | System, terms: Iterable[str | Term] | Runs | None = None, *, method: str = "map",
         step: float | None = None, accept: Collection[str] = (),
-        progress: Progress | None = None) -> Fit | GridSearch:
-    """Fit parameters of the physics to all data of a dataset.
+        progress: Progress | None = None) -> Fit | GridSearch | SystemFit:
+    """Fit parameters of the physics to all data of a dataset, or those of a system to its runs.
 
     Args:
-        dataset: Shots with outcomes, heights, exit measurements or tracks.
+        dataset: Shots with outcomes, heights, exit measurements or tracks; or a System.
         terms: Terms to fit, by name or as values, including your own; None: [believe] of the rig. Gravity is always
-            included.
+            included. The Runs of a System.
         method: "map" for MAP estimates from all data, with 90 % intervals; "grid" for the paper's search over drag and
             lift by outcomes alone; terms do not apply.
         step: Grid only: step between neighbouring coefficients; divides 5.
@@ -158,12 +164,17 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
         progress: Called with the share done, 0 to 1, and a note; None: a bar with the time left.
 
     Returns:
-        Fit, or GridSearch for "grid"; both have `.belief` and `.table()` and print as a report.
+        Fit, or GridSearch for "grid"; both have `.belief` and `.table()` and print as a report. SystemFit for a
+        System.
 
     Raises:
         InputError: implausible data, an unknown term or method, an argument of the other method, or no usable data.
     """
+    if isinstance(dataset, System):
+        return fit_system(dataset, terms if isinstance(terms, Runs) else None, progress or show_progress("fit"))
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
+    if isinstance(terms, Runs):
+        raise InputError("terms: runs go with a System, not with a dataset of shots")
     dataset = check_plausible(dataset, accept)
     if method == "map":
         if step is not None:

@@ -158,7 +158,9 @@ FAR = 4.0                             # standard deviations by which they contra
 
 
 def discover_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("dataset", metavar="DIR", help="dataset directory")
+    parser.add_argument("dataset", metavar="DIR", help="dataset directory; with --system a table of runs (CSV)")
+    parser.add_argument("--system", metavar="FILE.py", help="Python file that defines `system` (truearc.System) and "
+                        "`columns` ({run, time, inputs, conditions}, as truearc.Runs takes them): test that simulator")
     add_baseline(parser)
     parser.add_argument("--measured", metavar="TERM=VALUE,SD", action="append", default=[], help="what was measured of "
                         "a term without a shot, with its standard deviation, in the term's unit; may come often")
@@ -204,8 +206,11 @@ def add_baseline(parser: argparse.ArgumentParser) -> None:
 def discover(args: argparse.Namespace) -> int:
     """Report whether a dataset disagrees with the simulation as it stands, where, and what the simulation lacks.
 
-    Before you have data, `truearc identifiability` reports what a season of shots could show.
+    Before you have data, `truearc identifiability` reports what a season of shots could show. With --system the
+    simulator is your own, and the table has its runs.
     """
+    if args.system is not None:
+        return _discover_system(args)
     _, found = investigate(args, "discover", args.measured)
     adopted, refused = None, None
     try:
@@ -222,6 +227,26 @@ def discover(args: argparse.Namespace) -> int:
         print(adopted)
     if refused is not None:
         raise refused
+    return 0
+
+
+def _discover_system(args: argparse.Namespace) -> int:
+    """Answer for a simulator of the user's own."""
+    common.refuse(args, ("--believe", "--terms-from", "--belief", "--since", "--accept", "--measured", "--adopt"),
+                  "does not apply with --system")
+    settings.check_chances(args.false_alarm, args.seed, ("--false-alarm", "--seed"))
+    from truearc.sim.compute import keep_compiled
+    from truearc.sim.systems.files import load_runs, load_system
+    keep_compiled()
+    system, columns = load_system(args.system)
+    runs = load_runs(args.dataset, columns)
+    found = ta.discover(system, runs, seed=args.seed, false_alarm=args.false_alarm,
+                        progress=common.make_progress("discover", args.quiet))
+    common.write_out(args.json, found.to_json())
+    if args.report:
+        origin = common.origin_of(args)
+        found.to_html(args.report, made_at=origin.made_at, command=origin.command)
+    print(found)
     return 0
 
 

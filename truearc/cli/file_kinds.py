@@ -51,6 +51,8 @@ def _kind_of(path: Path) -> str:
 def misplaced(command: str, args: argparse.Namespace, error: str = "") -> str:
     """What is wrong with the first argument that names another kind of file than the command takes, and the command to
     use; "" where there is none. error: a message; then of the missing file that it begins with."""
+    if getattr(args, "system", None) is not None:        # a table of runs, of which no kind is known
+        return ""
     source = f"{command} {getattr(args, 'source', '')}"
     for name, value in vars(args).items():
         keys = (f"{source}.{name}", f"{command}.{name}", name)

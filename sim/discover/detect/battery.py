@@ -307,6 +307,7 @@ def _joined(here: Scores, home: Scores, share: Float[Array, " q"]) -> Scores:
 
 
 TERMS, FREE, PATTERN = "terms", "free", "pattern"
+LAUNCH_SPEED = "launch speed"         # a launcher's column
 # How the allowance for false alarms is shared out: a name is worth most, and most of what is left out has one.
 ALLOWANCE = {TERMS: 0.6, FREE: 0.3, PATTERN: 0.1}  # chosen: one of twenty terms needs 0.15 deviations more than alone
 
@@ -334,18 +335,18 @@ class Asked:
 
 
 def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor], shots: int,
-                   home: ReferenceSession | None = None) -> Asked:
+                   home: ReferenceSession | None = None, paired: str = LAUNCH_SPEED) -> Asked:
     """Return all tests that the `shots` of the dataset allow, except along a factor whose groups have random
     effects.
 
-    home: the misfit of that session is subtracted.
+    home: the misfit of that session is subtracted. paired: the column that pairs of covariates are tested on; "": none.
     """
     rows = evidence.rows
     look = Look(len(rows), lambda what: what.codes[rows] if isinstance(what, Factor) else what.values[rows])
     grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
     shapes = [SAME_SHAPE, *(shape for one in covariates for shape in functions.number_shapes(one, look)),
               *(shape for one in factors if one.name != grouped for shape in functions.group_shapes(one, look))]
-    pairs = functions.pair_shapes(covariates, look)
+    pairs = functions.pair_shapes(covariates, look) if paired else []
     tests: list[Test] = []
     parts: list[Scores] = []
 
@@ -362,7 +363,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
         else:
             ask(number, FREE, shapes)
     if pairs:
-        ask(evidence.index("launch speed"), PATTERN, pairs)
+        ask(evidence.index(paired), PATTERN, pairs)
     scores = _join(parts)
     kept = np.flatnonzero(scores.kept)
     return Asked(tuple(tests[k] for k in kept), scores.take(kept))

@@ -228,7 +228,7 @@ def locate(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: floa
     stage_of = np.array([evidence.columns[test.column].stage for test in tests])
     leader = pick(tests, judged, found if len(found) else free)
     champions = {stage: pick(tests, judged, free[stage_of[free] == stage])
-                 for stage in STAGES if (stage_of[free] == stage).any()}
+                 for stage in stages_of(evidence) if (stage_of[free] == stage).any()}
     champions[stage_of[leader]] = leader
     corrections = {stage: correct(evidence, tests[k]) for stage, k in champions.items()}
     weights = _weigh(evidence, corrections, shots, seed)
@@ -250,9 +250,15 @@ def _weigh(evidence: ScoreTable, corrections: dict[str, Correction], shots: int,
     # log of a normal prior on the departure's size, relative to its peak
     plausible = [-0.5 * (amplitude_of(one) / one.scores.columns[0].usual) ** 2 for one in corrections.values()]
     power = draws @ totals.T + np.array(plausible)
-    share = np.exp(power - power.max(axis=1, keepdims=True))
+    share, stages = np.exp(power - power.max(axis=1, keepdims=True)), stages_of(evidence)
     mean = (share / share.sum(axis=1, keepdims=True)).mean(axis=0)
-    return {stage: float(dict(zip(corrections, mean, strict=True)).get(stage, 0.0)) for stage in STAGES}
+    return {stage: float(dict(zip(corrections, mean, strict=True)).get(stage, 0.0)) for stage in stages}
+
+
+def stages_of(evidence: ScoreTable) -> tuple[str, ...]:
+    """Return the stages of a launcher's shot, or those that the columns of another system have."""
+    own = dict.fromkeys(column.stage for column in evidence.columns[:evidence.first_shared])
+    return STAGES if own.keys() <= {*STAGES} else tuple(own)
 
 
 def _region(evidence: ScoreTable, correction: Correction) -> dict[str, Any]:

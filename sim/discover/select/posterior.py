@@ -25,15 +25,13 @@ from scipy.special import logsumexp, softmax
 from truearc.sim.discover.detect.battery import ReferenceSession
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
 from truearc.sim.discover.select import terms
-from truearc.sim.infer.belief import Curve
-from truearc.sim.infer.fit import amplitudes, climb
-from truearc.sim.infer.launcher import Launcher, LauncherFit
+from truearc.sim.infer.fit import Fit, amplitudes, climb
+from truearc.sim.infer.launcher import CURVE_POINTS, LauncherFit
 from truearc.sim.infer.likelihood.layout import Layout
-from truearc.sim.infer.likelihood.score_table import Array, Column, PlaneScores, ScoreTable, fit_linear
-from truearc.sim.physics.catalogue import find_nameless
+from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable, fit_linear
+from truearc.sim.infer.model import AnyModel, Carrying
 from truearc.sim.statistics import Z90, invert
 
-KNOTS = 8                             # with the shortest length no bend is lost
 # Chosen: a bump in a part of the range, a bend, a slope
 LENGTHS = (0.15, 0.4, 1.0)            # of a Gaussian process, as shares of its covariate's range
 # Chosen: beyond lies one shot in fifty, which may be a slip
@@ -45,18 +43,24 @@ JITTER = 1e-6
 
 @dataclass(frozen=True)
 class Part:
-    """A column of the evidence times shapes [n, q], whose coefficients have these standard deviations [q]."""
+    """Columns of the evidence [q], often one and the same, times shapes [n, q], whose coefficients have these standard
+    deviations [q]."""
 
-    column: int
+    columns: tuple[int, ...]
     shapes: Float[Array, "n q"]
     sd: Float[Array, " q"]
+
+    @staticmethod
+    def of(column: int, shapes: Float[Array, "n q"], sd: Float[Array, " q"]) -> "Part":
+        """Return the part of one column."""
+        return Part((column,) * shapes.shape[1], shapes, sd)
 
 
 def with_parts(evidence: ScoreTable, parts: Sequence[Part]) -> ScoreTable:
     """Return the table of the parts' coefficients and the shared numbers alone, all shared."""
     first, count = evidence.first_shared, len(evidence.rows)
     rest = np.arange(first, evidence.linear.shape[1])
-    own = np.concatenate([*(np.full(part.shapes.shape[1], part.column) for part in parts), rest]).astype(int)
+    own = np.concatenate([*(np.array(part.columns, dtype=int) for part in parts), rest]).astype(int)
     times = np.concatenate([*(part.shapes for part in parts), np.ones((count, len(rest)))], axis=1)
     more = times.shape[1] - len(rest)
     square = times[:, :, None] * times[:, None, :]
@@ -97,12 +101,12 @@ def process_shapes(values: Float[Array, " n"], length: float,
     at other values `at`, if given."""
     known = np.isfinite(values)
     low, high = np.percentile(values[known], EDGES)
-    knots = np.linspace(0.0, 1.0, KNOTS)
+    knots = np.linspace(0.0, 1.0, CURVE_POINTS)
 
     def kernel(a: Float[Array, " n"], b: Float[Array, " m"]) -> Float[Array, "n m"]:
         return np.asarray(np.exp(-0.5 * ((a[:, None] - b[None, :]) / length)**2))
 
-    size, turn = np.linalg.eigh(kernel(knots, knots) + JITTER * np.eye(KNOTS))
+    size, turn = np.linalg.eigh(kernel(knots, knots) + JITTER * np.eye(CURVE_POINTS))
     def shapes(x: Float[Array, " n"]) -> Float[Array, "n q"]:
         place = np.clip((x - low) / max(high - low, 1e-12), 0.0, 1.0)
         return np.asarray(kernel(place, knots) @ (turn * size**-0.5)[:, size > 1e-4])      # the others are rounding
@@ -153,63 +157,41 @@ class Projector:
         self._inner = invert(evidence.information[shared, shared] + evidence.precision)
         self._score = evidence.score[:, shared].sum(0) + evidence.pull
 
-    def of(self, column: int, shapes: Float[Array, "n q"]) -> Projected:
-        """Project a column times shapes."""
-        evidence = self._evidence
+    def of(self, columns: int | Sequence[int], shapes: Float[Array, "n q"]) -> Projected:
+        """Project a column times shapes; or several columns, each times one of the shapes."""
+        if not isinstance(columns, int):
+            return self._several(np.array(columns), shapes)
+        evidence, column = self._evidence, columns
         own = evidence.own_score[:, column]
         cross = shapes.T @ evidence.deal.spread(evidence.info[:, column])[:, evidence.shared]
         lift = cross @ self._inner
         info = np.einsum("nq,nr,n->qr", shapes, shapes, evidence.info[:, column, column])
         return Projected(shapes.T @ own - lift @ self._score, info - lift @ cross.T)
 
-
-FREE_TERMS = {"launch speed": ("free_speed", {"share": 1.0}),
-              "launch elevation": ("free_elevation", {"angle_rad": 1.0}),
-              "distance": ("free_distance", {"bias_m": 1.0})}
-SIDES = {"along": "along", "vertical": "up", "lateral": "left"}
-LONGEST_S = 60.0                      # longer than any flight
-
-
-def term_of(column: Column, layout: Layout) -> tuple[str, dict[str, float]] | None:
-    """Return the nameless term, with its numbers, that changes what the column does; None if there is none, or the
-    layout already has it."""
-    if column.name in FREE_TERMS:
-        name, values = FREE_TERMS[column.name]
-        values = dict(values)
-    elif column.name.startswith("push "):
-        name, values = "free_push", {"size_m_s2": 1.0, SIDES[column.direction]: 1.0}
-        if column.times_s is not None:
-            values |= {"from_s": column.times_s[0], "to_s": min(column.times_s[1], LONGEST_S)}
-        elif column.follows:
-            values |= {"with_speed": 1.0}
-    else:
-        return None
-    return None if name in layout.chain.terms else (name, values)
-
-
-def climb_with(fitted: LauncherFit, term: str, values: dict[str, float], curve: Curve,
-               by: Float[Array, "n points"]) -> tuple[Launcher, LauncherFit]:
-    """(the simulation with a curve of these shapes, the fit of its shared columns), uphill from a curve of zero: a step
-    on slopes may lead to where the flown simulation is worse than without it."""
-    model = fitted.model.along(term, values, curve.moved(dict.fromkeys(curve.fitted, 0.0)), by)
-    bare = model.shared_only()
-    starts = [model.extended(fitted.point)]
-    if fitted.lost:
-        starts.append(bare.middle())
-    return model, max((climb(bare, start) for start in starts), key=lambda found: found.log_posterior)
+    def _several(self, columns: Int[Array, " q"], shapes: Float[Array, "n q"]) -> Projected:
+        evidence = self._evidence
+        own = evidence.own_score[:, columns] * shapes
+        cross = np.stack([shapes[:, k] @ evidence.deal.spread(evidence.info[:, column])[:, evidence.shared]
+                          for k, column in enumerate(columns)])
+        lift = cross @ self._inner
+        info = np.einsum("nq,nr,nqr->qr", shapes, shapes, evidence.info[:, columns][:, :, columns])
+        return Projected(own.sum(0) - lift @ self._score, info - lift @ cross.T)
 
 
 def flown(fitted: LauncherFit, part: Part) -> LauncherFit | None:
-    """Return the best fit of a simulation with a part, its log evidence against none (Laplace); None if no simulation
-    of single shots can represent it."""
-    taken = term_of(fitted.scores.columns[part.column], fitted.model.layout)
-    shapes = part.shapes.shape[1]
-    if taken is None or shapes > KNOTS:
+    """Return the best fit of a simulation with a part, its log evidence against none (Laplace), uphill from zero; None
+    if no simulation of single shots can represent it."""
+    carried = fitted.model.carrying(fitted.point, fitted.lost, part)
+    if carried is None:
         return None
-    by = np.zeros((len(part.shapes), KNOTS + 1))       # as many for all, so that compiled code is shared
-    by[:, :shapes] = part.shapes * part.sd / find_nameless(taken[0]).usual
-    top = climb_with(fitted, *taken, Curve((0.0,) * KNOTS, 0.0), by)[1]
+    top = climb_carried(carried)
     return replace(top, log_evidence=fitted.nats_for(top))
+
+
+def climb_carried(carried: Carrying[AnyModel]) -> Fit[AnyModel]:
+    """Return the best fit of the shared columns with an unexplained change."""
+    bare = carried.model.shared_only()
+    return max((climb(bare, start) for start in carried.starts), key=lambda found: found.log_posterior)
 
 
 # Chosen: two effects a third as likely as one, something unexplained in every fourth or fifth case. How often
@@ -346,7 +328,7 @@ def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covari
         floor = log_evidence(base.scores.shared_only())[0]
         for second in sorted((c for c in terms.one_step(base.scores)[0] if c.visible), key=lambda c: -c.nats)[:SECONDS]:
             own = base.scores.columns[second.column]
-            part = Part(second.column, np.ones((len(base.scores.rows), 1)), np.array([own.usual]))
+            part = Part.of(second.column, np.ones((len(base.scores.rows), 1)), np.array([own.usual]))
             value, sizes = _sized(base, (first,), [part])
             known = nats_known(fitted, second.name, *sizes[0][:2], own.usual)
             nats = singles[first] + value - floor + known
@@ -364,7 +346,7 @@ def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covari
     found += [Hypothesis(names, None, nats, pair_prior, sizes) for key, (nats, names, sizes) in guesses.items()
               if key not in pairs]
     found += [Hypothesis(one.names, None, nats, pair_prior, terms.sizes_of(one)) for one, nats in pairs.values()]
-    direction = {column.name: column.direction for column in fitted.scores.columns}
+    direction = {name: column.direction for column in fitted.scores.columns for name in (column.name, column.curve)}
 
     def told(one: Hypothesis) -> Hypothesis:
         """The sizes there. Where nature has none such, or an unexplained change in a name's own direction moves its
@@ -374,7 +356,7 @@ def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covari
         is_shared = one.names and one.family is not None and one.family.column not in one.names and (
             direction[one.family.column] == direction[one.names[0]]
             and abs(one.sizes[0].amplitude - wholes[0].amplitude) > Z90 * wholes[0].sd)
-        natural = all(terms.is_natural(name, size, fitted.model.catalogue)
+        natural = all(terms.is_natural(fitted, name, size)
                       for name, size in zip(one.names, one.sizes, strict=True))
         return replace(one, sizes=tuple(wholes)) if is_shared or not natural else one
 
@@ -431,7 +413,7 @@ def _at_once(fitted: LauncherFit, visible: Sequence[terms.Candidate], null: floa
     for k in np.argsort(-(fits - np.log(det)))[:SECONDS].tolist():
         pair = (first[k], second[k])
         names = evidence.columns[columns[pair[0]]].name, evidence.columns[columns[pair[1]]].name
-        value, sizes = _sized(fitted, (), [Part(int(columns[one]), ones, usual[[one]]) for one in pair])
+        value, sizes = _sized(fitted, (), [Part.of(int(columns[one]), ones, usual[[one]]) for one in pair])
         nats = value - null + sum(nats_known(fitted, name, *size[:2], float(usual[k]))
                                   for k, name, size in zip(pair, names, sizes, strict=True))
         found[frozenset(names)] = nats, names, tuple(map(partial(_told, fitted), names, sizes))
@@ -475,13 +457,20 @@ def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: 
     constant: list[Shapes] = [(ones, None if home is None else np.ones((len(home.fitted.scores.rows), 1)))]
     found = []
     for number, column in enumerate(evidence.columns[:evidence.first_shared]):
-        if column.kind != "free":
+        if column.kind != "free" or column.curve:
             continue
         there = None if earlier is None or home is None or (own := home.index(column.name)) is None else (earlier, own)
         if column.name.startswith("push") or column.follows:
             found.append(_family(projector, number, column.name, column.usual, None, constant, there))
         if not column.follows:
             found += [_family(projector, number, column.name, column.usual, what, many, there) for what, many in shapes]
+    curves: dict[str, list[int]] = {}
+    for number, column in enumerate(evidence.columns[:evidence.first_shared]):
+        if column.curve:
+            curves.setdefault(column.curve, []).append(number)
+    for name, numbers in curves.items():
+        many = np.ones((len(rows), len(numbers)))
+        found.append(_family(projector, tuple(numbers), name, evidence.columns[numbers[0]].usual, None, [(many, None)]))
     return sorted(found, key=lambda one: -one.nats)
 
 
@@ -502,8 +491,9 @@ def _factors_of(evidence: ScoreTable, factors: Sequence[Factor]) -> list[tuple[F
             if one.name != grouped and len(set(one.codes[evidence.rows].tolist())) > 1]
 
 
-def _family(projector: Projector, number: int, name: str, usual: float, what: Covariate | Factor | None,
-            shapes: Sequence[Shapes], there: tuple[Projector, int] | None = None) -> Family:
+def _family(projector: Projector, number: int | tuple[int, ...], name: str, usual: float,
+            what: Covariate | Factor | None, shapes: Sequence[Shapes],
+            there: tuple[Projector, int] | None = None) -> Family:
     """there: of home, and the number of the column there."""
     each = []
     for one, at_home in shapes:
@@ -516,7 +506,8 @@ def _family(projector: Projector, number: int, name: str, usual: float, what: Co
     values = np.array([nats for nats, *_ in each])
     mean = float(logsumexp(values) - np.log(len(values)))
     _, alone, best_shapes, sd = each[int(values.argmax())]
-    return Family(name, what, Part(number, best_shapes, np.full(best_shapes.shape[1], sd)), mean, mean - alone)
+    columns = (number,) * best_shapes.shape[1] if isinstance(number, int) else number
+    return Family(name, what, Part(columns, best_shapes, np.full(best_shapes.shape[1], sd)), mean, mean - alone)
 
 
 def _climbed(base: LauncherFit, families: Sequence[Family], null: float,

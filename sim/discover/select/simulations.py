@@ -32,11 +32,11 @@ from truearc.sim.discover.decide import Search, Step, clearly, judge_left
 from truearc.sim.discover.detect.battery import FREE, Test
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, spline_knots
 from truearc.sim.discover.detect.localization import Correction, correct
-from truearc.sim.discover.select.posterior import climb_with, term_of
+from truearc.sim.discover.select.posterior import climb_carried
 from truearc.sim.discover.select.terms import SURE, Naming
 from truearc.sim.infer.belief import Curve, natural
 from truearc.sim.infer.fit import Fit
-from truearc.sim.infer.launcher import Launcher, LauncherFit, out_of_range
+from truearc.sim.infer.launcher import Launcher, LauncherFit, curve_term, out_of_range
 from truearc.sim.infer.likelihood.layout import Layout, Point, is_tracker
 from truearc.sim.infer.likelihood.linearization import FAR_BELOW_M, LEAD, TRACK, variance_of
 from truearc.sim.infer.likelihood.noise import LAPSE, TIMED_M
@@ -405,7 +405,7 @@ def _foreseeable(fitted: LauncherFit, correction: Correction, search: Search) ->
 def freed(fitted: LauncherFit, correction: Correction) -> Freed | None:
     """Return the curve; None for what cannot be adopted."""
     column = fitted.scores.columns[correction.test.column]
-    taken, curve = term_of(column, fitted.model.layout), _curve(correction)
+    taken, curve = curve_term(column, fitted.model.layout), _curve(correction)
     if taken is None or curve is None:
         return None
     curve, whole, evidence = _fly(fitted, correction, *taken, curve)
@@ -426,7 +426,7 @@ def _what_is_left(fitted: LauncherFit, search: Search) -> Correction | None:
     if left is None:
         return None
     asked, judged = left
-    able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and term_of(
+    able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and curve_term(
         fitted.scores.columns[test.column], fitted.model.layout) is not None], dtype=int)
     if not len(able):
         return None
@@ -439,7 +439,8 @@ def _fly(fitted: LauncherFit, correction: Correction, term: str, values: dict[st
          curve: Curve) -> tuple[Curve, LauncherFit, ScoreTable]:
     """(the curve, all, shared evidence) where the simulation that has both fits best."""
     by = curve.by(_columns(correction), len(fitted.model.data.rows))
-    model, top = climb_with(fitted, term, values, curve, by)
+    carried = fitted.model.along_zero(fitted.point, fitted.lost, term, values, curve, by)
+    model, top = carried.model, climb_carried(carried)
     found = curve.moved({key: float(top.scores.point[k]) for k, key in enumerate(curve.fitted)})
     if curve.covariate:
         found = found.moved({curve.keys[-1]: float(by.mean(0) @ found.points)})

@@ -23,8 +23,6 @@ from truearc.sim.infer.fit import amplitudes
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.layout import Measured
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.physics.catalogue import Catalogue, find_parameter, find_terms
-from truearc.sim.physics.term import from_scale, to_scale
 from truearc.sim.printed import Progress
 
 # Measured at L1 (seed 701), with the ranges and signs of the terms: 1 of 16 single names wrong instead of 3, and the
@@ -111,8 +109,8 @@ def own_size(fitted: LauncherFit, found: LauncherFit, number: int) -> float:
 
 def _ends(fitted: LauncherFit, name: str) -> tuple[float, float]:
     """Return the ends of an amplitude's range; for a believed number, of its change."""
-    parameter, before = find_parameter(name, fitted.model.catalogue), fitted.model.layout.believed.get(name, 0.0)
-    return parameter.low - before, parameter.high - before
+    (low, high), before = fitted.model.range_of(name), fitted.model.layout.believed.get(name, 0.0)
+    return low - before, high - before
 
 
 def _density(fitted: LauncherFit, name: str, amplitude: float, sd: float,
@@ -121,11 +119,11 @@ def _density(fitted: LauncherFit, name: str, amplitude: float, sd: float,
 
     Its own prior is a mixture of TERM_SIZES. The change of a believed number has neither a preferred sign nor a law.
     """
-    ends, term = _ends(fitted, name), find_terms((name.partition(".")[0],), fitted.model.catalogue)[0]
+    ends, (law, positive) = _ends(fitted, name), fitted.model.law_of(name)
     changed = name in fitted.model.layout.believed
-    law = term.law_sd if not changed else None
+    law = law if not changed else None
     mean, sizes = (0.0, usual * np.array(TERM_SIZES)) if law is None else (1.0, np.array([law]))
-    side = 0.5 if changed or law is not None else term.positive
+    side = 0.5 if changed or law is not None else positive
     places = np.linspace(max(ends[0], amplitude - 8.0 * sd), min(ends[1], amplitude + 8.0 * sd), PLACES)
 
     def held(low: float, high: float) -> Float[Array, " sizes"]:
@@ -169,8 +167,6 @@ FIRM = 100.0                          # information of a scanned size, so that i
 BUSY = 1e-12                          # information below which nothing in the data depends on a term
 # Derived: 1.5 deviations of the largest of TERM_SIZES
 MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not attributed to its term
-# Derived: normal quantile 0.9995; the fit's prior is WEAKER times as wide as the catalogue's
-CREDIBLE_SD = 3.29                    # standard deviations of a prior within which a parameter is believable
 SPARE_SD = 2.0                        # allowance at these limits, in standard deviations; chosen: about 95 %
 NEVER = -1e3                          # nats of an impossible term
 
@@ -353,11 +349,9 @@ def _refit_beside(fitted: LauncherFit, one: Candidate, top: Candidate, refits: d
     their searches ended at different ones.
     """
     best = refits[top.name]
-    values = best.point.values.copy()
-    own = best.model.layout.source[0]
-    values[own] = fitted.point.values[own]
+    near = fitted.model.exchanged(top.name, best.model, best.point, fitted.point)
     start = np.array([best.amplitude[0] * one.amplitude / top.amplitude])
-    again = fitted.with_terms((one.name,), start, replace(best.point, values=values))
+    again = fitted.with_terms((one.name,), start, near)
     if again.log_evidence > refits[one.name].log_evidence:
         refits[one.name], nats[one.name] = again, _nats(fitted, one, again)
 
@@ -375,20 +369,15 @@ def is_possible(found: LauncherFit, *usual: float) -> bool:
 
     This uses the unbounded optimum, so that a fit that stopped at the end of its range does not count as inside it.
     """
-    among = found.model.catalogue
-    low, high = np.array([(one.low, one.high) for one in (find_parameter(name, among) for name in found.names)]).T
+    low, high = np.array([found.model.range_of(name) for name in found.names]).T
     spare = SPARE_SD * found.sd
     return bool(((found.wanted >= low - spare) & (found.wanted <= high + spare)
                  & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + spare)).all())
 
 
-def is_natural(name: str, size: Size, among: Catalogue) -> bool:
+def is_natural(fitted: LauncherFit, name: str, size: Size) -> bool:
     """Return whether a size is within 99.9 % of a log-normal prior; always true for other priors."""
-    prior = find_parameter(name, among).prior
-    if prior is None or prior.scale != "log":
-        return True
-    highest = from_scale(prior.scale, to_scale(prior.scale, prior.centre) + CREDIBLE_SD * prior.sd)
-    return bool(size.amplitude - SPARE_SD * size.sd <= highest)
+    return fitted.model.is_natural(name, size.amplitude - SPARE_SD * size.sd)
 
 
 def shrunk(candidate: Candidate, evidence: ScoreTable) -> Size:

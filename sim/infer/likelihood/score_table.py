@@ -44,6 +44,7 @@ class Column:
     follows: str = ""                 # what it varies with inside one flight; "" = an amplitude a shot
     times_s: tuple[float, float] | None = None
     told: bool = False                # of a shared one: its prior is an earlier session's posterior
+    curve: str = ""                   # smooth curve of which this is one of several shapes
 
     @property
     def term(self) -> str:

@@ -21,10 +21,10 @@ from truearc.sim.discover.next_steps import (
     PACES,
     SURE,
     Contest,
-    _contest,
     at_paces,
     chance_of_name,
     choose_blocks,
+    contest_of,
     make_design,
     separation,
     within_reach,
@@ -53,7 +53,7 @@ def doubtful() -> tuple[Contest, tuple[str, ...]]:
     step = step_of()
     names = tuple(step.chosen[:4])
     assert len(names) >= 2
-    return _contest(step, names), names
+    return contest_of(step, names), names
 
 
 def chosen_rows(contest: Contest, block: int, count: int) -> list[int]:

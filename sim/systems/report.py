@@ -1,0 +1,265 @@
+"""The words and pictures of a finding on a system."""
+
+import html
+import inspect
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+from msgspec import UnsetType
+
+from truearc.sim.discover.decide import Step, form_of, gain_interval
+from truearc.sim.discover.finding import FoundEffect, Named
+from truearc.sim.discover.identifiability import Sight, TermIdentifiability
+from truearc.sim.discover.report.finding_text import either, say_chance
+from truearc.sim.infer.likelihood.score_table import Array
+from truearc.sim.printed import make_text
+from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_png, new_panels, paragraph, picture, table
+from truearc.sim.systems.discovery import (
+    Intervals,
+    SystemFitted,
+    SystemInvestigation,
+    forecast_errors,
+    goes_with,
+    inseparable,
+)
+from truearc.sim.systems.score_table import SystemModel
+from truearc.sim.systems.system import System
+
+SHOWN = 6                             # candidates that a sentence lists; chosen: a line
+CURVE = 200                           # points of a picture's curve
+
+
+def size(one: Named) -> str:
+    """Return an effect's size with its 90 % interval."""
+    value = one.size
+    if value.unit == "1":
+        return f"{100.0 * value.value:+.3g} % (90 %: {100.0 * value.low90:+.3g} to {100.0 * value.high90:+.3g} %)"
+    unit = "" if value.unit == "unit" else f" {value.unit}"
+    return f"{value.value:+.3g}{unit} (90 %: {value.low90:+.3g} to {value.high90:+.3g}{unit})"
+
+
+def sentence(found: SystemInvestigation) -> str:
+    """Return the verdict in words: the effect and its size, what it gains, and how likely chance is."""
+    finding = found.finding
+    p_value = finding.mismatch.p_value
+    assert p_value is not None
+    if finding.verdict == "none":
+        return (f"No mismatch: {finding.data.shots} runs differ from the simulator by no more than chance. If nothing "
+                f"were missing, {say_chance(p_value)} (p = {p_value:.2g}, alarm at {finding.mismatch.false_alarm:g})."
+                + smallest(found.sight, found.model))
+    leading = FoundEffect(finding.what, finding.set, finding.unknown, finding.unexplained, finding.withheld)
+    said = [f"The simulator leaves something out{say_effect(leading, found.steps[0])}"]
+    for one, step in zip(finding.also, found.steps[1:], strict=True):
+        said.append(f"With that in it, something more is missing{say_effect(one, step)}")
+    return " ".join([*said, *gained(found),
+                     f"If nothing were missing, {say_chance(p_value)} (p = {p_value:.2g}, adjusted for all tests)."])
+
+
+def say_effect(one: FoundEffect, step: Step) -> str:
+    """Return an effect, after a colon, with a full stop."""
+    label = step.fitted.model.label_of
+    if one.set is None:
+        changed, follows = goes_with(step)
+        goes = f": {changed}" + (f", which goes with {follows}" if follows and follows not in changed else "")
+        why = f"; {one.withheld}" if not isinstance(one.withheld, UnsetType) else ""
+        return f" that no candidate explains{why}{goes if changed else ''}."
+    members = [name for name in one.what if name.term in one.set]
+    if len(one.set) == 1:
+        return f": {label(members[0].term)}: {size(members[0])}."
+    form = form_of([name.probability for name in members] + [0.0] * (len(one.set) - len(members)))
+    listed = either([f"{label(name.term)} ({name.probability:.0%})" for name in members[:SHOWN]],
+                    "and" if form == "both" else "or")
+    more = f", or one of {len(one.set) - SHOWN} others" if len(one.set) > SHOWN else ""
+    return (f": {listed}{more}. These runs cannot tell which of these it is. If it is the first, its size is "
+            f"{size(members[0])}.")
+
+
+def gained(found: SystemInvestigation) -> list[str]:
+    """Return what the better simulator forecasts, in a sentence."""
+    fit = found.finding.fit
+    interval = None if fit is None else gain_interval(fit)
+    if found.more is None or interval is None or found.fitted is None:
+        return []
+    before, after = forecast_errors(found.fitted), forecast_errors(found.more)
+    parts = [f"{name} within {after[name]:.3g} instead of {before[name]:.3g}" for name in before]
+    return [f"Runs left out are forecast {' and '.join(parts)} (RMS, from their first sample; log score per run "
+            f"{interval[0]:+.3g} to {interval[1]:+.3g}, 90 %)."]
+
+
+def smallest(sight: Sight | None, model: SystemModel) -> str:
+    """Return the smallest effects that the runs would have shown, four times in five."""
+    terms = [] if sight is None else sorted((one for one in sight.terms if one.smallest is not None),
+                                            key=lambda one: (one.smallest or 0.0) / one.usual)
+    if not terms:
+        return ""
+    listed = "; ".join(f"{model.label_of(one.term)} of {amount(one)}" for one in terms[:SHOWN])
+    return f" Smallest effects that they would have shown, four times in five: {listed}."
+
+
+def amount(one: TermIdentifiability) -> str:
+    """Return the smallest size that is seen."""
+    value = one.smallest or 0.0
+    return f"{100.0 * value:.2g} %" if one.unit == "1" else f"{value:.2g}" + (
+        "" if one.unit == "unit" else f" {one.unit}")
+
+
+def lines(found: SystemInvestigation) -> list[str]:
+    """Return the report on a terminal."""
+    finding = found.finding
+    said = [finding.sentence]
+    if found.fitted is None:
+        return [*said, *(f"note: {line}" for line in finding.data.notes)]
+    clusters = finding.data.clusters
+    said.append(f"{finding.data.shots} rows ({clusters['by']}s), {finding.mismatch.tests_made} tests")
+    fitted = finding.data.fitted["all"]
+    without = "fitted without it" if finding.mismatch.found else "fitted"
+    said.append(f"{without}: " + ", ".join(f"{name} {value:.4g}" for name, value in fitted.items()
+                                           if not name.startswith("scatter.")))
+    if finding.what:
+        said.append("names: " + ", ".join(f"{one.term} {one.probability:.0%}" for one in finding.what[:SHOWN]
+                                          if one.probability >= 0.005))
+    said += [f"next: {say_step(step)}" for step in finding.next]
+    if found.refused:
+        said.append(f"not adopted: {found.refused}")
+    return said + [f"note: {line}" for line in finding.data.notes]
+
+
+def say_step(step: dict[str, object]) -> str:
+    """Return a planned step in words."""
+    names = step["separates"]
+    assert isinstance(names, list)
+    return (f"{step['runs']} runs with {step['condition']} {step['value']:.3g}, to tell {' from '.join(names)}")
+
+
+def fit_lines(intervals: Intervals) -> list[str]:
+    """Return the report of a fit."""
+    fitted = intervals.fitted
+    model: SystemModel = fitted.model
+    rows = [(name, f"{value:.5g}", f"{low:.5g}", f"{high:.5g}") for name, value, low, high in intervals.rows]
+    said = make_text(("parameter", "value", "low90", "high90"), rows, (1, 2, 3))
+    said += [f"{one.first} and {one.second} cannot be told apart by these runs (correlation {one.correlation:+.3f})"
+             for one in inseparable(fitted)]
+    errors = ", ".join(f"{name} {value:.3g}" for name, value in intervals.errors.items())
+    said.append(f"runs left out are forecast from their first sample with an RMS error of {errors}")
+    if not fitted.settled:
+        said.append("warning: the fit did not settle")
+    said.append("a fit that has converged may still be wrong: ta.discover tests the structure")
+    return said + [f"note: {line}" for line in model.recording.notes]
+
+
+def sight_lines(sight: Sight, model: SystemModel) -> list[str]:
+    """Return what runs could show, line by line."""
+    seen = [one for one in sight.terms if one.smallest is not None]
+    said = [f"{len(seen)} of {len(sight.terms)} candidates could be seen with {sight.shots} rows"]
+    rows = [(one.term, f"{one.power:.0%}", amount(one), one.like or "", f"{one.correlation:+.2f}") for one in seen]
+    said += make_text(("candidate", "power", "smallest", "most like", "corr."), rows, (1, 2, 4))
+    for one in sight.terms:
+        if one.why is not None:
+            taken = (f"taken up by {', '.join(one.taken_by)}" if one.taken_by else
+                     "nothing that is observed depends on it")
+            said.append(f"never: {model.label_of(one.term)}: {taken}")
+    return said
+
+
+# --- the page
+
+
+def page(name: str, found: SystemInvestigation, origin: Origin = NO_ORIGIN) -> str:
+    """Return the report as one HTML page."""
+    finding, sections = found.finding, []
+    if found.fitted is not None:
+        sections.append(("Recorded and simulated", picture(make_png(flights_figure(found)), "recorded and simulated",
+                                                          "One row; the better simulator only if one was found.")))
+        if (figure := curve_figure(found)) is not None:
+            sections.append(("What is missing", picture(make_png(figure), "the missing push along a value")))
+        model = found.model
+        sections.append(("Candidates", table(("name", "in words", "probability", "size", "low 90 %", "high 90 %"), [
+            (one.term, model.label_of(one.term), f"{one.probability:.2f}", f"{one.size.value:.4g}",
+             f"{one.size.low90:.4g}", f"{one.size.high90:.4g}") for one in finding.what]) if finding.what else
+            paragraph("No candidate is needed.")))
+        rows = Intervals.of(found.fitted).rows
+        sections.append(("Fitted without it" if finding.mismatch.found else "Fitted", table(
+            ("parameter", "value", "low 90 %", "high 90 %"),
+            [(key, f"{a:.5g}", f"{b:.5g}", f"{c:.5g}") for key, a, b, c in rows])))
+        sections.append(("Tests", table(("test", "statistic", "p alone", "p of all", "amplitude"), [
+            (key, f"{one.statistic:.2f}", f"{one.p_alone:.2g}", f"{one.p_value:.2g}", f"{one.amplitude:.3g}")
+            for key, one in finding.mismatch.tests.items()])))
+    sections.append(("Notes", "".join(paragraph(line) for line in lines(found)[1:])))
+    if text := source_of(found.system):
+        sections.append(("The simulator", f"<pre>{html.escape(text)}</pre>"))
+    return make_page(name, finding.sentence, sections, origin)
+
+
+def source_of(system: System) -> str:
+    """Return the text of the simulator; "" if there is none."""
+    try:
+        return inspect.getsource(system.rate or system.simulate_run or System)
+    except (OSError, TypeError):
+        return ""
+
+
+def flights_figure(found: SystemInvestigation) -> Figure:
+    """The row that gains most: recorded, believed simulator, better one."""
+    assert found.fitted is not None
+    model, recording = found.model, found.model.recording
+    row, fits = 0, [("believed", found.fitted.without_terms(), "#b3261e")]
+    if found.more is not None:
+        gain = found.more.without_terms().scores.log_score - found.fitted.scores.log_score
+        row = int(np.argmax(gain))
+        fits.append(("with it", found.more.without_terms(), "#1b7f3b"))
+    outputs = list(model.system.outputs)
+    figure, panels = new_panels(8.0, 2.4 * len(outputs) + 0.6, len(outputs), sharex=True)
+    there = recording.real[row]
+    time_s = recording.time_s[row, there]
+    for k, (name, axes) in enumerate(zip(outputs, panels, strict=True)):
+        axes.plot(time_s, recording.seen[row, there, k], ".", color="#888888", markersize=2.5, label="recorded")
+        for label, fit, colour in fits:
+            axes.plot(time_s, _flown(fit)[row, there, k], color=colour, linewidth=1.2, label=label)
+        axes.set_ylabel(name)
+    panels[0].legend(frameon=False, loc="best", fontsize=8)
+    panels[0].set_title(f"run {recording.labels[row]}", fontsize=9, loc="left")
+    panels[-1].set_xlabel("t [s]")
+    return figure
+
+
+def _flown(fitted: SystemFitted) -> Float[Array, "R T O"]:
+    model: SystemModel = fitted.model
+    return model.flights(fitted.point)
+
+
+def curve_figure(found: SystemInvestigation) -> Figure | None:
+    """The push along what it goes with, if a push was found."""
+    if found.more is None or found.refused:
+        return None
+    better = found.adopt()
+    pushes = [(one, prior) for one, prior in better.found if one.push is not None and one.push.times < 0]
+    if not pushes:
+        return None
+    model = found.model
+    values = _values(found.more)
+    figure, panels = new_panels(8.0, 2.6 * len(pushes), len(pushes))
+    for axes, (one, prior) in zip(panels, pushes, strict=True):
+        assert one.push is not None
+        seen = values[one.push.reads][model.recording.real]
+        grid = np.linspace(*np.percentile(seen, [1.0, 99.0]), CURVE)
+        height = prior.centre * np.interp(grid, one.push.knots, one.push.table)
+        axes.plot(grid, height, color="#1b7f3b")
+        axes.axhline(0.0, color="#bbbbbb", linewidth=0.8)
+        names: Sequence[str] = [*model.system.state, *model.names]
+        axes.set_xlabel(names[one.push.reads])
+        axes.set_ylabel(f"push on {model.system.state[one.push.rate]}")
+        axes.plot(seen[::max(len(seen) // 300, 1)], np.full(len(seen[::max(len(seen) // 300, 1)]), axes.get_ylim()[0]),
+                  "|", color="#888888", markersize=6)
+    return figure
+
+
+def _values(fitted: SystemFitted) -> list[Float[Array, "R T"]]:
+    model: SystemModel = fitted.model
+    states = model._states(fitted.point)[0]
+    recording = model.recording
+    return [*(states[:, :, k] for k in range(states.shape[2])),
+            *(recording.inputs[:, :, k] for k in range(recording.inputs.shape[2])),
+            *(np.broadcast_to(recording.conditions[:, [k]], recording.real.shape)
+              for k in range(recording.conditions.shape[1]))]
