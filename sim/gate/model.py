@@ -36,6 +36,7 @@ from truearc.robot.gate import FEATURES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief, as_table, from_table
 from truearc.sim.infer.forecast import forecast
+from truearc.sim.infer.landing_forecast import TOP, forecast_landings
 from truearc.sim.infer.likelihood.noise import GATE_LAPSE, GATE_LAPSE_CELLS, GATE_SLIP_M, HEIGHT_M
 from truearc.sim.paper import network
 from truearc.sim.physics.simulate import opening_of
@@ -209,6 +210,7 @@ TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}  # chosen: as SCATTER_PR
 LOWEST_M = -40.0                      # where a ball that turns back before the plane is taken to pass
 STEEPEST_M = 30.0                     # per unit of log speed: beyond it a shot is far too weak to matter
 FAR = 1e3                             # stands for no bound
+MOST_HIDDEN = 0.1                     # share of the opening that a flat arrival leaves at least; bounds 1 / width
 # Chosen: over more a flight bends
 WIDEST_M = 1.5                        # first-order propagation of uncertainty does not hold for a larger spread
 MODEL_FILE = "physics.json"
@@ -378,11 +380,29 @@ def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
     """
     centre_m = opening_of(rig, belief.coefficients, belief.catalogue).centre_m
     shots = Shots.of_settings(**{feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)})
-    ahead = forecast(rig, belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER)), shots)
+    belief = belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER))
+    if rig.target is not None and rig.target.faces_up:
+        return _landings_of(rig, belief, shots)
+    ahead = forecast(rig, belief, shots)
     back = np.isnan(ahead.height_m)
     deviation_m = np.where(back, LOWEST_M, np.maximum(ahead.height_m - centre_m, LOWEST_M))
     by_speed_m = np.where(back, STEEPEST_M, STEEPEST_M * np.tanh(ahead.by_launch[:, 0] / STEEPEST_M))
     return Physics(deviation_m, np.where(back, WIDEST_M, WIDEST_M * np.tanh(ahead.sigma_m / WIDEST_M)), by_speed_m)
+
+
+def _landings_of(rig: Rig, belief: Belief, shots: Shots) -> Physics:
+    """The same at an opening that faces up: where a ball comes down, from the middle of the places from where it goes
+    in, in such units that these end at half the opening's length."""
+    if not len(shots):
+        return Physics(*np.zeros((3, 0)))
+    lands = forecast_landings(rig, belief, shots, led=True)
+    middle_m = lands.seen.centred(lands.mean_m)
+    half_m = halves_of(rig)[0]
+    times = half_m / np.maximum(half_m - middle_m, MOST_HIDDEN * half_m)
+    near = lands.seen.plane[:, TOP] > LOWEST_M
+    deviation_m = np.where(near, np.maximum(times * (lands.mean_m - middle_m), LOWEST_M), LOWEST_M)
+    return Physics(deviation_m, WIDEST_M * np.tanh(times * lands.whole_m / WIDEST_M),
+                   STEEPEST_M * np.tanh(times * lands.per_log_speed / STEEPEST_M))
 
 
 def halves_of(rig: Rig) -> tuple[float, float]:

@@ -20,6 +20,7 @@ from scipy.stats import norm
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig, Target
+from truearc.robot.config.targets import SIDES_UPRIGHT
 from truearc.robot.gate import FEATURES, NOVELTY_LIMIT
 from truearc.sim.data.dataset import Shots
 from truearc.sim.gate import model
@@ -283,6 +284,8 @@ def outcome_classes_of(shots: Shots, name: str, target: Target | None = None) ->
     target: of the rig; where every hit counts alike, a hit is a three. InputError when no shot is left.
     """
     outcome, side, miss_m = shots.text("outcome"), shots.text("side"), shots.number("miss_height_m")
+    if target is not None and target.faces_up:
+        side = tuple(SIDES_UPRIGHT.get(one, one) for one in side)
     if target is not None and target.hit_or_miss:
         outcome = tuple(THREE if one == TWO else one for one in outcome)
     silent = np.array([one not in LEVEL for one in outcome], bool) & np.isnan(miss_m)

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from truearc.api.arguments import check_kind
 from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
-from truearc.robot.config.targets import refuse_up
 from truearc.robot.gate import load_gate
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
@@ -107,7 +106,6 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0, accept: Colle
     check_kind("belief", belief, Belief, "load_belief(...)")
     if seed < 0:
         raise InputError(f"seed is {seed}; it cannot be negative")
-    refuse_up(dataset.rig.target, "train")
     dataset = check_plausible(dataset, accept)
     name = dataset.shots.source
     shots = dataset.in_order().shots

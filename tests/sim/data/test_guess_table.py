@@ -73,7 +73,7 @@ def test_a_students_spreadsheet_is_imported_and_checked(rig, tmp_path, capsys):
         "times = 1 / gear",
         "  t_s: Shot: the order of the shots",
         "  shot_id: Shot",
-        "  outcome: Result: in = hit, short = miss-low, long = miss-high, rim out = miss, left = miss, made = hit, "
+        "  outcome: Result: in = hit, short = miss-low, long = miss-high, rim out = miss, left = miss-left, made = hit, "
         "missed low = miss-low, good = hit, over = miss-high, redo = rejected, yes = hit, no = miss",
         "  not used: Robot",
         f"{out}: 11 shots, 0 track samples",
