@@ -195,7 +195,7 @@ def say_scatter(fit: MapFit) -> Iterable[str]:
     nearest = np.argsort(np.abs(shots.number("distance_m") - middle_m), kind="stable")[:NEAREST]
     rig = fit.dataset.facts
     if rig.target is not None and rig.target.faces_up:
-        spread_m = forecast_landings(rig, fit.belief, shots.take(nearest)).whole_m
+        spread_m = forecast_landings(rig, fit.belief, shots.take(nearest)).spread_m
         yield (f"where a ball comes down at {middle_m:.1f} m varies by {100.0 * np.median(spread_m):.0f} cm along (one "
                "standard deviation), with what the sensors misjudge and the uncertainty of this fit")
         return

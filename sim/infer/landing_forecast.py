@@ -17,9 +17,9 @@ from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood import linearization
 from truearc.sim.infer.likelihood.data import take_in
-from truearc.sim.infer.likelihood.ground import GroundOutcomes
 from truearc.sim.infer.likelihood.layout import lay_out
 from truearc.sim.infer.likelihood.noise import FLOOR_M
+from truearc.sim.infer.likelihood.outcomes import Outcomes
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.infer.track_forecast import doubt_of
 
@@ -29,16 +29,14 @@ TOP = linearization.TOP
 class Landings(NamedTuple):
     """Of the n shots with a launch and a distance (their `rows`): mean and standard deviation of the miss along in m,
     its derivative by the log of the exit speed, whether the ball of the mean launch comes down through the plane, and
-    the observations there. whole_m: the standard deviation with that of the height of the highest point, to first
-    order; spread_m is without it where a ball barely reaches the rim."""
+    the observations there."""
 
     rows: Int[Array, " n"]
     mean_m: Float[Array, " n"]
     spread_m: Float[Array, " n"]
     per_log_speed: Float[Array, " n"]
     reached: Bool[Array, " n"]
-    seen: GroundOutcomes
-    whole_m: Float[Array, " n"]
+    seen: Outcomes
 
 
 def forecast_landings(rig: Rig, belief: Belief, shots: Shots, *, led: bool = False, wider: float = 1.0) -> Landings:
@@ -65,8 +63,5 @@ def forecast_landings(rig: Rig, belief: Belief, shots: Shots, *, led: bool = Fal
     spread = wider * np.sqrt((by[:, :2]**2).sum(2) + FLOOR_M**2)
     across = np.stack([plane[:, 1] * (not led), spread[:, 1]], axis=1)
     reached = np.asarray(flown.seen.near) & (plane[:, TOP] > 0.0)
-    falls = plane[:, linearization.AHEAD] / (plane[:, linearization.PULL] * flown.fall_s)
-    whole_m = np.hypot(spread[:, 0], np.nan_to_num((rise[:, 2] + falls) * rise[:, 1]))
-    assert isinstance(data.seen, GroundOutcomes)
     return Landings(data.rows, plane[:, 0], spread[:, 0], slopes[:, 0, inputs], reached,
-                    data.seen.at(plane, across, rise), whole_m)
+                    data.seen.at(plane, across, rise))

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from truearc.api.arguments import check_kind
 from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
-from truearc.robot.gate import load_gate
+from truearc.robot.gate import facing_up_of, load_gate
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import hash_dataset
@@ -119,8 +119,10 @@ def _record(dataset: Dataset, belief: Belief, seed: int, marks: train.OutcomeCla
     figures = None if folds is None else {
         name: {key: value if value == value else None for key, value in one._asdict().items()}
         for name, one in (("physics", folds.physics), ("gate", folds.calibrated))}
+    target = facing_up_of(dataset.rig)
     return {"version": version("truearc"), "seed": seed, "shots": len(marks.level),
             "real_sha256": hash_dataset(dataset), "coefficients": belief.coefficients, "scatter": belief.scatter,
-            "temperature": gate.temperature, **({"accepted": dataset.accepted} if dataset.accepted else {}),
+            "temperature": gate.temperature, **({} if target is None else {"target": target}),
+            **({"accepted": dataset.accepted} if dataset.accepted else {}),
             "heldout": figures, "domain": domain_of(marks.features),
             "recorded": dict(zip(marks.shot_id.tolist(), marks.features.tolist(), strict=True))}
