@@ -69,29 +69,41 @@ def physics_part(surrogate: Surrogate, shape: gates.GateShape, aside: float) -> 
     outcome within a half-height has the probability (1 - lapse) (erf(above) - erf(below)) / 2 + its share of a lapse,
     and all that passes aside is a miss. Few nodes: at one row a decision each costs more than its arithmetic.
     """
-    nodes = [helper.make_node("Gemm", [INPUT, "to_box", "from_middle"], ["box_free"]),
-             helper.make_node("Clip", ["box_free", "minus_one", "one"], ["box_u"]),
-             helper.make_node("Acos", ["box_u"], ["turn"]),
-             helper.make_node("MatMul", ["turn", "frequencies"], ["turns"]),
-             helper.make_node("Cos", ["turns"], ["cosines"]),
-             helper.make_node("Gemm", ["cosines", "amplitudes", "edges_m"], ["apart_and_square"]),
-             helper.make_node("Split", ["apart_and_square"], ["apart_m", "double_free_m2"], axis=1),
-             helper.make_node("Max", ["double_free_m2", "double_least_m2"], ["double_m2"]),
-             helper.make_node("Sqrt", ["double_m2"], ["spread_m"]),
-             helper.make_node("Div", ["apart_m", "spread_m"], ["apart"]),
+    cosines = [helper.make_node("Gemm", [INPUT, "to_box", "from_middle"], ["box_free"]),
+               helper.make_node("Clip", ["box_free", "minus_one", "one"], ["box_u"]),
+               helper.make_node("Acos", ["box_u"], ["turn"]),
+               helper.make_node("MatMul", ["turn", "frequencies"], ["turns"]),
+               helper.make_node("Cos", ["turns"], ["cosines"])]
+    divided = [helper.make_node("Gemm", ["cosines", "amplitudes", "edges_m"], ["apart_and_square"]),
+               helper.make_node("Split", ["apart_and_square"], ["apart_m", "double_free_m2"], axis=1),
+               helper.make_node("Max", ["double_free_m2", "double_least_m2"], ["double_m2"]),
+               helper.make_node("Sqrt", ["double_m2"], ["spread_m"]),
+               helper.make_node("Div", ["apart_m", "spread_m"], ["apart"])]
+    direct = [helper.make_node("MatMul", ["cosines", "amplitudes"], ["apart"])]
+    nodes = [*cosines, *(direct if surrogate.half_m else divided),
              helper.make_node("Erf", ["apart"], ["shares"]),
              helper.make_node("Gemm", ["shares", "within", "lapse_share"], ["free_p"]),
              helper.make_node("Clip", ["free_p", "zero", "one"], [OUTPUT])]
-    return Part(nodes, {**_polynomial_constants(surrogate), **_outcome_constants(shape, aside)})
+    constants = {**_polynomial_constants(surrogate, shape), **_outcome_constants(shape, aside)}
+    used = {name for node in nodes for name in node.input}
+    return Part(nodes, {name: value for name, value in constants.items() if name in used})
 
 
-def _polynomial_constants(surrogate: Surrogate) -> dict[str, np.ndarray]:
-    """`amplitudes` [F, 8]: four times minus the mean, to which the edges are added; four times twice the variance."""
+def _polynomial_constants(surrogate: Surrogate, shape: gates.GateShape) -> dict[str, np.ndarray]:
+    """`amplitudes` [F, 8]: four times minus the mean, to which the edges are added; four times twice the variance.
+
+    Of an opening that faces up [F, 4]: minus the passages of the edges, between those of the near and the far one.
+    """
     frequencies, (mean_m, square_m2) = as_cosines(surrogate)
+    amplitudes = np.stack([-mean_m] * EDGES + [2.0 * square_m2] * EDGES, axis=1)
+    if surrogate.half_m:
+        near, far = mean_m, square_m2
+        shares = [0.5 * (1.0 - edge_m / surrogate.half_m)
+                  for edge_m in (shape.two_m, shape.three_m, -shape.two_m, -shape.three_m)]
+        amplitudes = np.stack([-(share * near + (1.0 - share) * far) for share in shares], axis=1) / np.sqrt(2.0)
     return {"to_box": np.diag(surrogate.per_half), "from_middle": -surrogate.middle * surrogate.per_half,
             "frequencies": frequencies.T.astype(float), "minus_one": np.array(-1.0), "one": np.array(1.0),
-            "amplitudes": np.stack([-mean_m] * EDGES + [2.0 * square_m2] * EDGES, axis=1),
-            "double_least_m2": np.array(2.0 * surrogate.least_m2)}
+            "amplitudes": amplitudes, "double_least_m2": np.array(2.0 * surrogate.least_m2)}
 
 
 def _outcome_constants(shape: gates.GateShape, aside: float) -> dict[str, np.ndarray]:

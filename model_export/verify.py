@@ -9,7 +9,7 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.model_export.graph import Trained, load_trained
-from truearc.robot.gate import FEATURES, NOVELTY, NOVELTY_LIMIT, OUTPUTS, Gate, load_gate
+from truearc.robot.gate import FEATURES, NOVELTY, NOVELTY_LIMIT, OUTPUTS, Gate, load_gate, say_target
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.printed import Printed
 
@@ -149,7 +149,8 @@ def verify_gate(path: str | Path, weights: str | Path | None = None,
     trained = None if weights is None else load_trained(weights)
     domain = ", ".join(f"{feature.name} {low:.3f} to {high:.3f}"
                        for feature, (low, high) in zip(FEATURES, gate.domain, strict=True))
-    lines = [f"{path}: sha256 {gate.sha256}", "contract: agrees", f"domain: {domain}"]
+    lines = [f"{path}: sha256 {gate.sha256}", "contract: agrees",
+             *([f"target: it {say_target(gate.target)}"] if gate.target else []), f"domain: {domain}"]
     sets = [(GRID, domain_grid(gate))]
     sets += [(name, features_of(one.shots, name)) for name, one in (data or {}).items()]
     checked = [_check(gate, trained, name, features) for name, features in sets]

@@ -27,8 +27,8 @@ from truearc.hw.protocols import NS_PER_S, BadFrame, Bus, Camera, CameraFrame, C
 from truearc.hw.real.system import CanLink, Exposure
 from truearc.robot import aim_file, motors, reasons
 from truearc.robot.config.named_tables import encoder_family_of
-from truearc.robot.config.schema import CameraConfig, Can, Config, GateConfig
-from truearc.robot.gate import FEATURES, load_gate
+from truearc.robot.config.schema import CameraConfig, Can, Config
+from truearc.robot.gate import FEATURES, load_gate_for
 from truearc.robot.motors import around_encoder, bound_axes, elevation_from_encoder_deg, make_motors, name_axes
 
 # --- box, camera and computer
@@ -367,15 +367,15 @@ def check_hood(config: Config, heard: Heard) -> Iterator[Finding]:
         yield ok(check, told)
 
 
-def check_model(gate: GateConfig, path: Path | None) -> Finding:
+def check_model(config: Config, path: Path | None) -> Finding:
     """Check whether the model that the policy requires is present, intact, and made for this robot's contract."""
-    check = "gate model"
+    check, gate = "gate model", config.gate
     if path is None:
         if gate.policy == "model":
             return failure(check, "gate.policy is 'model' and no model was given", "give --gate, as to `truearc run`")
         return ok(check, f"none is needed: gate.policy is {gate.policy!r}")
     try:
-        model = load_gate(path)
+        model = load_gate_for(path, config.rig)
     except InputError as error:
         return failure(check, str(error), "export it again with this version of truearc, and copy it whole")
     domain = ", ".join(f"{feature.name} {low:g} to {high:g}"

@@ -26,6 +26,7 @@ import numpy.typing as npt
 from msgspec import Struct
 
 from truearc.errors import InputError, load_bytes, naming
+from truearc.robot.config.rig_spec import Rig, as_table
 
 KEY_SEAL = "truearc.file_sha256"
 UNSEALED = "seal" * 16                # as long as a SHA-256 in hex
@@ -52,7 +53,7 @@ class Feature(Struct, frozen=True):
 
 # The three configuration parameters of the paper (section II), in this order.
 FEATURES = (
-    Feature("distance_m", 0.0, 20.0),     # horizontal, ball exit to target plane, as measured by the robot
+    Feature("distance_m", 0.0, 20.0),     # horizontal, ball exit to target plane (its middle, if it faces up), measured
     Feature("motor_ratio", 0.0, 1.0),     # motor speed / free speed, measured
     Feature("hood_deg", 0.0, 90.0),       # launch elevation above horizontal, measured
 )
@@ -230,6 +231,16 @@ class Gate:
         self._low = np.array([low for low, _ in domain])
         self._high = np.array([high for _, high in domain])
 
+    @property
+    def target(self) -> dict[str, Any] | None:
+        """Return [target] of rig.toml that it was trained for, if that faces up; None: one that faces front."""
+        return self.provenance.get("target")
+
+    @property
+    def hit_or_miss(self) -> bool:
+        """Return whether it faces up and every hit counts the same; p_two is then p_three."""
+        return self.target is not None and "ring" not in self.target
+
     def rate(self, distance_m: float, motor_ratio: float, hood_deg: float) -> Rating:
         """Rate one configuration: ball exit to target plane (m), motor speed / free speed, elevation (degrees).
 
@@ -285,6 +296,30 @@ def load_gate(path: str | Path) -> Gate:
     sha256 = hashlib.sha256(data).hexdigest()
     try_gate(path, data, sha256)
     return open_gate(path, data, sha256)
+
+
+def load_gate_for(path: str | Path, rig: Rig) -> Gate:
+    """Load a gate for a launcher; InputError also if it was trained for a target of another kind or size."""
+    gate = load_gate(path)
+    own = facing_up_of(rig)
+    if gate.target != own:
+        raise InputError(f"{path}: trained for a target that {say_target(gate.target)}, but this robot's "
+                         f"{say_target(own)}; train one with this robot's target")
+    return gate
+
+
+def facing_up_of(rig: Rig) -> dict[str, Any] | None:
+    """Return [target] of rig.toml if that faces up, without what changes no outcome; else None."""
+    if rig.target is None or not rig.target.faces_up:
+        return None
+    return {key: value for key, value in as_table(rig)["target"].items() if key != "points"}
+
+
+def say_target(target: dict[str, Any] | None) -> str:
+    """Return what Gate.target, or facing_up_of, says of a target."""
+    if target is None:
+        return "faces front"
+    return "faces up (" + ", ".join(f"{key} {value}" for key, value in target.items() if key != "facing") + ")"
 
 
 def check_file(path: str | Path, data: bytes) -> dict[str, str]:

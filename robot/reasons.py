@@ -114,7 +114,7 @@ MODEL_FAILED = Code("model_failed", "model failed: {error}")
 MODEL_NOT_FINITE = Code("model_not_finite", "model: non-finite probability")
 MODEL_OUTSIDE_DOMAIN = Code("model_outside_domain", "model: outside its training data{novelty: (novelty ~)}",
                             {"novelty": "ratio?"})
-MODEL_BELOW_THRESHOLD = Code("model_below_threshold", "model: three points {p_three:.0%} likely, {threshold:.0%} "
+MODEL_BELOW_THRESHOLD = Code("model_below_threshold", "model: full points {p_three:.0%} likely, {threshold:.0%} "
                              "needed", {"p_three": "probability", "threshold": "probability"})
 
 # `truearc sysid`: where it stands and why it ended

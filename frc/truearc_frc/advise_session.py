@@ -19,7 +19,7 @@ from truearc.robot.aim_file import AimFile, load_aim_for
 from truearc.robot.config.rig_spec import Rig, rig_errors
 from truearc.robot.config.schema import AimConfig, Config, load_config, load_toml
 from truearc.robot.config.shot_map import ShotMap, as_signal, load_map
-from truearc.robot.gate import load_gate
+from truearc.robot.gate import load_gate_for
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig
@@ -43,7 +43,7 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
     shot_map = load_map(args.map)
     config = advising(load_config(args.config), args)
     advised_columns(shot_map, config)             # refuses a map that lacks one, before there is a folder
-    gate = load_gate(args.gate)
+    gate = load_gate_for(args.gate, config.rig)
     aim, aims = _aim_of(args, config)
     started = wall_clock()
     folder = make_room(args.out, started)

@@ -159,6 +159,7 @@ class WhatIf:
         return make_answer({
             "sha256": self._gate.sha256, "name": self._name, "threshold": self._threshold,
             "novelty_limit": NOVELTY_LIMIT, "free_speed_rad_s": self._free_speed_rad_s, "rate_per_s": self._rate_per_s,
+            "hit_or_miss": self._gate.hit_or_miss,
             "features": [{"name": feature.name, "low": feature.low, "high": feature.high, "domain": domain}
                          for feature, domain in zip(FEATURES, self._gate.domain, strict=True)]})
 

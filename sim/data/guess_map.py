@@ -45,7 +45,8 @@ TWO_POINTS = (": a servo's position, not an angle; measure two angles or more, a
 HIT_OR_MISS = ("; a hit may be a two or a three: where all count alike, state target.three_half_height_m = 0 in "
                "rig.toml")
 SCORES = {"two", "three"}
-ORDER = ["miss", "hit", "miss-low", "miss-high", "three", "two", "rejected"]           # of words in a text, what counts
+# of words in a text, what counts
+ORDER = ["miss", "hit", "miss-left", "miss-right", "miss-low", "miss-high", "three", "two", "rejected"]
 CERTAIN = {**SAID_OF_SHOTS, **{text: word or maps.NOT_MARKED[0] for text, word in SPELLINGS.items()},
            **{word: word for word in (*maps.MARKS, *maps.NOT_MARKED)}}
 # words of outcomes that may be a miss, too -> what is proposed

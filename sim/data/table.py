@@ -362,7 +362,9 @@ SAID_OF_SHOTS = {text: word for word, texts in VOCABULARY["outcomes"].items() fo
 SYNONYMS: dict[str, str] = {name: column for column, names in VOCABULARY["synonyms"].items() for name in names}
 TODO = {"hit": "; if it says that it went in, write hit", "miss": "; if it says that it missed, write miss",
         "miss-low": "; write miss, and low in the column side",
-        "miss-high": "; write miss, and high in the column side", "rejected": "; leave the cell empty"}
+        "miss-high": "; write miss, and high in the column side",
+        **{f"miss-{side}": f"; write miss, and {side} in the column side" for side in ("left", "right")},
+        "rejected": "; leave the cell empty"}
 CORRECTIONS = {**{text: TODO[word] for text, word in SAID_OF_SHOTS.items()},
                **dict.fromkeys(("rim", "bounced", "bounce"), "; write hit if it went in, else miss")}
 TEXTS = ("session", "ball_id", "day", "fired_by")

@@ -26,17 +26,18 @@ import jax.numpy as jnp
 import msgspec
 import numpy as np
 from jax.scipy.stats import norm
+from msgspec import UnsetType, structs
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.rig_spec import Rig, Target
 from truearc.robot.gate import FEATURES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief, as_table, from_table
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.likelihood.noise import GATE_LAPSE, GATE_LAPSE_CELLS, GATE_SLIP_M, HEIGHT_M
+from truearc.sim.infer.likelihood.noise import FLOOR_M, GATE_LAPSE, GATE_LAPSE_CELLS, GATE_SLIP_M, HEIGHT_M
 from truearc.sim.paper import network
 from truearc.sim.physics.simulate import opening_of
 
@@ -209,6 +210,8 @@ TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}  # chosen: as SCATTER_PR
 LOWEST_M = -40.0                      # where a ball that turns back before the plane is taken to pass
 STEEPEST_M = 30.0                     # per unit of log speed: beyond it a shot is far too weak to matter
 FAR = 1e3                             # stands for no bound
+NEAREST_M = 0.1                       # chosen: of an edge; nearer ones are below the launcher
+LEAST_APART = 0.15                    # chosen: standard deviations between an opening's edges; bounds 1 / them
 # Chosen: over more a flight bends
 WIDEST_M = 1.5                        # first-order propagation of uncertainty does not hold for a larger spread
 MODEL_FILE = "physics.json"
@@ -378,11 +381,45 @@ def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
     """
     centre_m = opening_of(rig, belief.coefficients, belief.catalogue).centre_m
     shots = Shots.of_settings(**{feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)})
-    ahead = forecast(rig, belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER)), shots)
+    belief = belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER))
+    if rig.target is not None and rig.target.faces_up:
+        return _descents_of(rig, belief, shots)
+    ahead = forecast(rig, belief, shots)
     back = np.isnan(ahead.height_m)
     deviation_m = np.where(back, LOWEST_M, np.maximum(ahead.height_m - centre_m, LOWEST_M))
     by_speed_m = np.where(back, STEEPEST_M, STEEPEST_M * np.tanh(ahead.by_launch[:, 0] / STEEPEST_M))
     return Physics(deviation_m, np.where(back, WIDEST_M, WIDEST_M * np.tanh(ahead.sigma_m / WIDEST_M)), by_speed_m)
+
+
+def _descents_of(rig: Rig, belief: Belief, shots: Shots) -> Physics:
+    """Return the same at an opening that faces up: where a ball comes down, from the middle of the places where it goes
+    in, in such units that these end at half the opening's length.
+
+    A ball goes in if it is above the near edge by its radius, and below the far edge, or the upper edge of a backboard.
+    Both heights are as smooth as at an upright opening, and the place and its spread are those with the same chances of
+    passing either edge. Balls that come back from a backboard over the near edge are not modelled.
+    """
+    target, opening = rig.target, opening_of(rig, belief.coefficients, belief.catalogue)
+    assert target is not None
+    tilt_rad, lip_m = (0.0 if isinstance(one, UnsetType) else one for one in (target.tilt_deg, target.lip_m))
+    tilt_rad, radius_m = np.radians(tilt_rad), rig.ball.radius_m
+    along_m, up_m = opening.two_half_m * np.cos(tilt_rad), opening.two_half_m * np.sin(tilt_rad)
+    far = (along_m, up_m) if isinstance(target.backboard, UnsetType) else (
+        target.backboard.behind_m - radius_m, target.backboard.height_m)
+    passes, by_speed = [], []
+    for place_m, edge_m, around_m in ((-along_m, lip_m - up_m, radius_m), (*far, 0.0)):
+        there = replace(shots, numbers={**shots.numbers, "distance_m": np.maximum(
+            shots.number("distance_m") + place_m, NEAREST_M)})
+        ahead = forecast(structs.replace(rig, target=Target(opening.centre_m)), belief, there)
+        sigma_m = np.hypot(np.nan_to_num(ahead.sigma_m, nan=WIDEST_M), FLOOR_M)
+        above_m = ahead.height_m - opening.centre_m - edge_m - around_m * np.hypot(1.0, ahead.by_launch[:, 3])
+        passes.append(np.maximum(np.nan_to_num(above_m, nan=LOWEST_M), LOWEST_M) / sigma_m)
+        by_speed.append(np.nan_to_num(ahead.by_launch[:, 0], nan=STEEPEST_M) / sigma_m)
+    (near, beyond), half_m = passes, halves_of(rig)[0]
+    apart = LEAST_APART * (1.0 + 0.5 * np.logaddexp(0.0, 2.0 * (near - beyond) / LEAST_APART - 2.0))
+    sigma_m = 2.0 * half_m / apart
+    by_speed_m = 0.5 * sigma_m * (by_speed[0] + by_speed[1])
+    return Physics(half_m * (near + beyond) / apart, sigma_m, STEEPEST_M * np.tanh(by_speed_m / STEEPEST_M))
 
 
 def halves_of(rig: Rig) -> tuple[float, float]:

@@ -20,6 +20,7 @@ from scipy.stats import norm
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig, Target
+from truearc.robot.config.targets import SIDES_UPRIGHT
 from truearc.robot.gate import FEATURES, NOVELTY_LIMIT
 from truearc.sim.data.dataset import Shots
 from truearc.sim.gate import model
@@ -43,6 +44,8 @@ OFF = 0.001                           # error of p at which a weight is doubled
 CUT = 0.1                             # of the range of a feature that is left out at once
 CUTS = 40                             # at most
 RIDGE = 1e-12                         # of the normal equations, as a share of their mean diagonal
+LEAST_APART = 1e-3                    # of an opening's edges, in standard deviations: far from it p is 0
+PASSED = 3.0                          # times DRAWN_IN_M: standard deviations from an edge up to which they are as is
 CHECKED = 30000                       # random configurations of the box; those inside the domain count
 LEARNED = 20000                       # random configurations of the box; those inside the domain are fitted too: where
 #                                       the recorded ones lie on a thin sheet, few points of the grid do
@@ -77,7 +80,8 @@ class Errors(NamedTuple):
 class Surrogate:
     """`middle` and `per_half` [3] map features to [-1, 1]; `orders` [M, 3] are the i, j, k of each product.
 
-    `coefficients` [2, M]: of the mean in m and of the variance in m2; `degree` the largest i + j + k.
+    `coefficients` [2, M]: of the mean in m and of the variance in m2; `degree` the largest i + j + k. Of an opening
+    that faces up: of the passages of its near and its far edge, half_m from its middle, in standard deviations.
 
     `least_m2`: below it the variance is not let, whatever the polynomial does far from the target.
     """
@@ -87,6 +91,7 @@ class Surrogate:
     orders: np.ndarray
     coefficients: np.ndarray
     least_m2: float
+    half_m: float = 0.0
 
     @property
     def degree(self) -> int:
@@ -96,6 +101,10 @@ class Surrogate:
         """Return mean and standard deviation of the height minus the target's centre, [n] in m, of features [n, 3]."""
         u = np.clip((np.asarray(features, np.float64) - self.middle) * self.per_half, -1.0, 1.0)
         mean_m, square_m2 = (products(u, self.orders) @ self.coefficients.T).T
+        if self.half_m:
+            near, far = mean_m, square_m2
+            apart = np.maximum(near - far, LEAST_APART)
+            return self.half_m * (near + far) / apart, 2.0 * self.half_m / apart
         return mean_m, np.sqrt(np.maximum(square_m2, self.least_m2))
 
 
@@ -166,8 +175,11 @@ def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int) -> Surrogate:
     features = np.concatenate([middle + half * grid, inside(gate, box, LEARNED, 1)])
     orders = np.array([order for order in itertools.product(range(degree + 1), repeat=3) if sum(order) <= degree])
     wanted, novelty = gate.judge(*(latent := gate.latent(features))), gate.novelty(features)
-    mean_m, sigma_m = drawn_in(*latent)
     columns = products(np.clip((features - middle) / half, -1.0, 1.0), orders)
+    if gate.rig.target is not None and gate.rig.target.faces_up:
+        return _fit_edges(gate, Surrogate(exact_in_float32(middle), exact_in_float32(1.0 / half), orders,
+                                          np.zeros((2, len(orders))), 0.0, gate.shape.two_m), columns, latent, novelty)
+    mean_m, sigma_m = drawn_in(*latent)
     beside = BESIDE_EDGES * np.maximum(np.exp(-((mean_m / NEAR_M) ** 2)), MIN_WEIGHT)
     weight = np.maximum((EDGE_M * steepest(gate, mean_m, sigma_m)) ** 2, beside)
     weight *= np.where(novelty <= KNOWN_NOVELTY, 1.0, UNKNOWN_WEIGHT)
@@ -178,6 +190,28 @@ def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int) -> Surrogate:
         off = np.abs(gate.judge(given_m, np.sqrt(np.maximum(square_m2, least_m2))) - wanted).max(axis=1)
         weight = weight * np.where(novelty <= NOVELTY_LIMIT, 1.0 + off / OFF, 1.0)
     return Surrogate(exact_in_float32(middle), exact_in_float32(1.0 / half), orders, solved, least_m2)
+
+
+def _fit_edges(gate: PhysicsGate, surrogate: Surrogate, columns: np.ndarray, latent: tuple[np.ndarray, np.ndarray],
+               novelty: np.ndarray) -> Surrogate:
+    """Return the surrogate with polynomials of the passages of both edges: they are smooth where the place is not,
+    since a ball that barely reaches the rim comes down anywhere.
+
+    columns: products at the points; latent, novelty: the gate's there.
+    """
+    wanted = gate.judge(*latent)[:, 0]
+    edges = [PASSED * drawn_in((latent[0] + side * surrogate.half_m) / latent[1] / PASSED, latent[1])[0]
+             for side in (1.0, -1.0)]
+    weights = [np.maximum(norm.pdf(edge)**2, MIN_WEIGHT) * np.where(novelty <= KNOWN_NOVELTY, 1.0, UNKNOWN_WEIGHT)
+               for edge in edges]
+    for _ in range(REWEIGHTED + 1):
+        solved = np.stack([_solve(columns, *one) for one in zip(weights, edges, strict=True)])
+        near, far = (columns @ solved.T).T
+        apart = np.maximum(near - far, LEAST_APART)
+        given = gate.judge(surrogate.half_m * (near + far) / apart, 2.0 * surrogate.half_m / apart)[:, 0]
+        more = np.where(novelty <= NOVELTY_LIMIT, 1.0 + np.abs(given - wanted) / OFF, 1.0)
+        weights = [weight * more for weight in weights]
+    return replace(surrogate, coefficients=solved)
 
 
 def drawn_in(mean_m: np.ndarray, sigma_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -283,6 +317,8 @@ def outcome_classes_of(shots: Shots, name: str, target: Target | None = None) ->
     target: of the rig; where every hit counts alike, a hit is a three. InputError when no shot is left.
     """
     outcome, side, miss_m = shots.text("outcome"), shots.text("side"), shots.number("miss_height_m")
+    if target is not None and target.faces_up:
+        side = tuple(SIDES_UPRIGHT.get(one, one) for one in side)
     if target is not None and target.hit_or_miss:
         outcome = tuple(THREE if one == TWO else one for one in outcome)
     silent = np.array([one not in LEVEL for one in outcome], bool) & np.isnan(miss_m)
@@ -415,14 +451,16 @@ def tell_residual(gate: PhysicsGate, features: np.ndarray, physics: Physics) -> 
     learned_m, _ = model.residual(gate.fit, gate.scaling(features), physics)
     _, sigma_m = gate.correct(features, physics)
     order = np.array_split(np.argsort(features[:, 0], kind="stable"), 3)
-    lines = []
+    lines, target = [], gate.rig.target
+    up = target is not None and target.faces_up
+    high, low, comes = ("long", "short", "comes down") if up else ("high", "low", "passes")
     for rows in (rows for rows in order if rows.size):
         at_m, off_m = float(np.median(features[rows, 0])), -float(np.median(learned_m[rows]))
-        side = "high" if off_m > 0.0 else "low"
+        side = high if off_m > 0.0 else low
         said = "the shots move the physics by less than 2 cm" if abs(off_m) < SILENT_M else (
             f"the physics alone is {100.0 * abs(off_m):.0f} cm {side}")
         lines.append(f"at {at_m:.1f} m {said}; "
-                     f"a shot passes within {100.0 * float(np.median(sigma_m[rows])):.0f} cm of what the gate expects "
+                     f"a shot {comes} within {100.0 * float(np.median(sigma_m[rows])):.0f} cm of what the gate expects "
                      "two times in three")
     return lines
 

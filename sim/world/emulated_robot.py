@@ -41,7 +41,7 @@ from truearc.robot.aim_file import NO_AIMS, Aims, load_aim_for, needs_aim
 from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import AimConfig, CameraConfig, Config, Tape, split_bus
 from truearc.robot.eyes import Eyes
-from truearc.robot.gate import load_gate
+from truearc.robot.gate import load_gate_for
 from truearc.robot.motors import guard, make_motors, name_axes
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
@@ -54,7 +54,7 @@ from truearc.robot.vision import find_target
 from truearc.sim.printed import Progress
 from truearc.sim.world.drive import FEEDER, FLYWHEEL, HOOD
 from truearc.sim.world.field import TAPE_M, BallResult
-from truearc.sim.world.options import Options
+from truearc.sim.world.options import Options, with_ball
 from truearc.sim.world.world import World
 
 if TYPE_CHECKING:
@@ -171,9 +171,7 @@ def make_world(config: Config, seed: int, options: Options | None = None) -> Wor
         mark_m = -tag.behind_m, tag.centre_height_m
     if target is None or not target.faces_up:
         return World(seed, options, mark_m=mark_m)
-    ball = config.rig.ball
-    options = replace(options or Options(), ball_mass_kg=ball.mass_kg, ball_radius_m=ball.radius_m)
-    return World(seed, options, target=target, mark_m=mark_m)
+    return World(seed, with_ball(options or Options(), config.rig), target=target, mark_m=mark_m)
 
 
 def make_tape(tape: Tape) -> TapeSize:
@@ -231,7 +229,7 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
     `nodes_of` makes the emulated devices, `eyes_of` the camera. `clips`: folder for clips of the flights.
     """
     check_emulated(config)
-    gate = None if gate_path is None else load_gate(gate_path)
+    gate = None if gate_path is None else load_gate_for(gate_path, config.rig)
     if gate is not None:
         config = replace(config, gate=replace(config.gate, policy="model"))
     config, aims = _aimed(config, aim_path)

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Annotated
 
 from msgspec import Meta, Struct
+from msgspec.structs import replace
 
+from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_toml
 
 Positive = Annotated[float, Meta(gt=0.0, le=100.0)]
@@ -77,6 +79,13 @@ class Options(Struct, frozen=True, forbid_unknown_fields=True):
         for name in self.__struct_fields__:
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"not a finite number - at `$.{name}`")
+
+
+def with_ball(options: Options, rig: Rig) -> Options:
+    """Return the same with the rig's ball, if its target faces up; an upright one has the ball of Options."""
+    if rig.target is None or not rig.target.faces_up:
+        return options
+    return replace(options, ball_mass_kg=rig.ball.mass_kg, ball_radius_m=rig.ball.radius_m)
 
 
 def load_options(path: str | Path | None) -> Options:

@@ -25,7 +25,7 @@ from truearc.sim.world import drive
 from truearc.sim.world.drive import FLYWHEEL, HOOD_COULOMB_NM, Battery, Belt, Drawn, Hood, Motor, drive_motor, flexed
 from truearc.sim.world.field import TAPE_M, BallResult, Chassis, Flight, Pose, from_exit_point, in_field, look
 from truearc.sim.world.goal import Goal
-from truearc.sim.world.options import Options
+from truearc.sim.world.options import Options, with_ball
 from truearc.sim.world.scene import Feeder, Nip, Rack, Released
 
 LONGEST_STEP_S = 0.005
@@ -333,7 +333,7 @@ def mark_of(button: str, rig: Rig) -> tuple[str, str]:
 def shoot(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSetting], sensors: Sensors,
           rng: np.random.Generator, progress: Progress, watch: Watch = lambda world: None) -> list[Trial]:
     """Shoot the settings; rng: of the readings; watch: for tracks. TimeoutError if the robot gets ready for none."""
-    bench = Bench(World(seed, options, settings[0].distance_m, rig.target), watch)
+    bench = Bench(World(seed, with_ball(options, rig), settings[0].distance_m, rig.target), watch)
     trials: list[Trial] = []
     for number, setting in enumerate(settings):
         progress(number / len(settings), f"{number} of {len(settings)} shots")

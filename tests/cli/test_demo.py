@@ -16,6 +16,7 @@ from tests.sim.discover.made import stand_in
 from truearc.api.results import Effect
 from truearc.cli import demo_acts
 from truearc.cli.common import SHIPPED
+from truearc.cli.datasets import robot_of_game
 from truearc.cli.demo_acts import EFFECTS, HOOD_DEG, RATIO, Sizes, draw_effect, fire, marked_settings
 from truearc.robot.config.schema import load_config
 from truearc.sim.discover.finding import Interval
@@ -30,11 +31,14 @@ import argparse, pathlib
 import numpy as np
 from truearc.cli import demo, demo_acts
 from truearc.sim.gate import train
-demo_acts.DISTANCES_M = np.arange(2.5, 8.01, 1.1)      # each row of a table is a search
+for places in ("FRONT", "UP"):         # each row of a table is a search
+    ends = getattr(demo_acts, places).distances_m[[0, -1]]
+    setattr(demo_acts, places, getattr(demo_acts, places)._replace(distances_m=np.linspace(*ends, 6)))
 train.CHECKED, train.LEARNED = 3000, 2000      # the gate's polynomial; tests/sim/gate has it as it is
 demo.secrets.choice = lambda seeds: 12                 # the printed seed repeats what it drew
 sizes = demo_acts.Sizes{tuple(QUICK)}
-assert demo.demo(argparse.Namespace(out=pathlib.Path("report"), seed=None, quiet=True), sizes) == 0
+asked = argparse.Namespace(out=pathlib.Path("report"), game=GAME, seed=None, quiet=True)
+assert demo.demo(asked, sizes) == 0
 """
 RIG = load_config(SHIPPED).rig
 BELIEF = point_belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.04}, "wheel_slip": {"loss_per_m_s": 0.019},
@@ -88,7 +92,7 @@ def test_a_volley_misses_when_the_encoders_lie() -> None:
 def test_the_demo_says_what_was_wrong_how_large_and_what_it_was_worth(tmp_path: Path) -> None:
     """Without what only Linux has: it must run on Windows, too."""
     folder, sealed = tmp_path / "report", draw_effect(12)
-    said = run_elsewhere(PLAY, tmp_path)
+    said = run_elsewhere(f"GAME = None{PLAY}", tmp_path)
     assert len(said.splitlines()) <= LINES
     before, _, after = said.partition(sealed.sha256)
     assert sealed.effect.name not in before and sealed.effect.name in after
@@ -105,6 +109,32 @@ def test_the_demo_says_what_was_wrong_how_large_and_what_it_was_worth(tmp_path: 
     assert (folder / "envelope.txt").read_text(encoding="utf-8") == sealed.text
     assert len(ta.load_dataset(folder / "data" / "event").shots) <= QUICK.marked
     assert ta.load_belief(folder / "event.toml").coefficients and (folder / "control.html").is_file()
+
+
+@pytest.mark.slow
+def test_the_demo_of_a_hub_counts_its_hits(tmp_path: Path) -> None:
+    said = " ".join(run_elsewhere(f"GAME = 'frc-2026'{PLAY}", tmp_path).split())
+    assert re.search(rf"aimed with the paper's physics \(gravity, drag, lift\) \d+ of {QUICK.balls} balls hit", said)
+    assert re.search(rf"{QUICK.marked} marked shots, .*?: (\d+ hit, )?\d+ missed; ", said)
+    page = (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
+    for text in (said, page, *((tmp_path / "report" / f"{act}.html").read_text(encoding="utf-8")
+                               for act in ("practice", "event", "control"))):
+        assert not re.search(r"\b(threes?|two|twos)\b(?! times| panels)", text)
+    rig = ta.load_rig(tmp_path / "report" / "data" / "event")
+    assert rig.target is not None and rig.target.faces_up and rig.ball.radius_m == 0.075
+
+
+@pytest.mark.slow
+def test_a_volley_at_a_hub_is_worth_its_hits(tmp_path: Path) -> None:
+    path = tmp_path / "hub.toml"
+    path.write_text(robot_of_game(SHIPPED.read_text(encoding="utf-8"), "frc-2026"), encoding="utf-8")
+    rig = load_config(path).rig
+    settings = demo_acts.practice_settings(rig, 5, 12)
+    assert len(settings) == 12 and all(1.8 <= one.distance_m <= 6.2 for one in settings)
+    aim = ta.aim(BELIEF, rig, distances_m=np.linspace(1.9, 6.1, 6), hood_deg=(55.0, 64.0))
+    plain, off = (fire(rig, options, 7, aim, 24) for options in (Options(), Options(encoder_scale=1.08)))
+    assert plain.twos > off.twos and plain.per_ball == plain.twos / 24 and plain.threes == 0
+    assert plain.foretold == off.foretold <= 24
 
 
 def test_holm_adjusts_as_in_a_worked_example() -> None:

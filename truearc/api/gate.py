@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from truearc.api.arguments import check_kind
 from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
-from truearc.robot.config.targets import refuse_up
-from truearc.robot.gate import load_gate
+from truearc.robot.gate import facing_up_of, load_gate
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import hash_dataset
@@ -107,7 +106,6 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0, accept: Colle
     check_kind("belief", belief, Belief, "load_belief(...)")
     if seed < 0:
         raise InputError(f"seed is {seed}; it cannot be negative")
-    refuse_up(dataset.rig.target, "train")
     dataset = check_plausible(dataset, accept)
     name = dataset.shots.source
     shots = dataset.in_order().shots
@@ -122,8 +120,10 @@ def _record(dataset: Dataset, belief: Belief, seed: int, marks: train.OutcomeCla
     figures = None if folds is None else {
         name: {key: value if value == value else None for key, value in one._asdict().items()}
         for name, one in (("physics", folds.physics), ("gate", folds.calibrated))}
+    target = facing_up_of(dataset.rig)
     return {"version": version("truearc"), "seed": seed, "shots": len(marks.level),
             "real_sha256": hash_dataset(dataset), "coefficients": belief.coefficients, "scatter": belief.scatter,
-            "temperature": gate.temperature, **({"accepted": dataset.accepted} if dataset.accepted else {}),
+            "temperature": gate.temperature, **({} if target is None else {"target": target}),
+            **({"accepted": dataset.accepted} if dataset.accepted else {}),
             "heldout": figures, "domain": domain_of(marks.features),
             "recorded": dict(zip(marks.shot_id.tolist(), marks.features.tolist(), strict=True))}

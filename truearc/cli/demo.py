@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import truearc as ta
 from truearc.cli.common import SHIPPED, OutFolder, make_progress, number, origin_of, write_out
+from truearc.cli.datasets import GAMES, robot_of_game
 from truearc.robot.config.schema import Config, load_config
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ WIDTH = 110
 def demo_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=OutFolder(mark=MARK), default=Path("report"),
                         help="folder for the report and all it rests on")
+    parser.add_argument("--game", choices=GAMES, help="play at that game's target (default: the paper's)")
     parser.add_argument("--seed", type=number(int, 0), help="of everything drawn, the effect too (default: by entropy)")
 
 
@@ -41,9 +43,9 @@ def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     keep_compiled()
     began, folder, sizes = time.monotonic(), args.out, sizes or acting.Sizes()
     seed = secrets.choice(range(*SEEDS)) if args.seed is None else args.seed
-    config, envelope = load_config(SHIPPED), acting.draw_effect(seed)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / MARK).touch()
+    config, envelope = _robot(folder, args.game), acting.draw_effect(seed)
     practice = _practise(folder, config, seed, sizes, args.quiet)
     print(f"\n== the event: one of {len(acting.EFFECTS)} changes has been drawn; it is in an envelope, and no sensor "
           "sees it")
@@ -71,8 +73,15 @@ def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     return 0
 
 
+def _robot(folder: Path, game: str | None) -> Config:
+    if game is None:
+        return load_config(SHIPPED)
+    write_out(folder / "launcher.toml", robot_of_game(SHIPPED.read_text(encoding="utf-8"), game))
+    return load_config(folder / "launcher.toml")
+
+
 def _practise(folder: Path, config: Config, seed: int, sizes: "Sizes", quiet: bool) -> "Act":
-    from truearc.cli.demo_acts import practise
+    from truearc.cli.demo_acts import full_points, practise
     print(f"\n== practice in the hall: {sizes.practice} shots with telemetry")
     ta.emulate(config, folder / "session", sizes.robot, seed, progress=make_progress("robot", quiet))
     recorded = ta.shots_from_sessions([folder / "session"], "practice")
@@ -80,18 +89,22 @@ def _practise(folder: Path, config: Config, seed: int, sizes: "Sizes", quiet: bo
          f"the other {sizes.practice - len(recorded.shots)} by the same MuJoCo world without buses and images")
     act = practise(config.rig, seed, sizes, recorded, make_progress("practice", quiet))
     before, after = act.volleys
-    _say(f"aimed with the paper's physics (gravity, drag, lift) {before.threes} of {before.balls} balls score three")
+    scores = {"hit": "hit", "three": "score three"}[full_points(config.rig)]
+    _say(f"aimed with the paper's physics (gravity, drag, lift) {before.best(config.rig)} of {before.balls} balls "
+         f"{scores}")
     _say(act.finding.change)
-    _say(f"aimed again with that: {after.threes} of {after.balls}")
+    _say(f"aimed again with that: {after.best(config.rig)} of {after.balls}")
     return act
 
 
 def _marks(act: "Act") -> str:
     shots = act.shots.shots
     counts, sides = (Counter(shots.text(name)) for name in ("outcome", "side"))
+    target = act.shots.rig.target
+    scored = [f"{counts[one]} {one if target is None else target.word(one)}" for one in ("three", "two") if counts[one]]
+    passed = [f"{sides[one]} {one}" for one in ("low", "high", "short", "long", "left", "right") if sides[one]]
     return (f"{len(act.shots.shots)} marked shots, aimed by what practice taught, at all its hood angles: "
-            f"{counts['three']} three, {counts['two']} two, {counts['miss']} missed; {sides['low']} passed low, "
-            f"{sides['high']} high")
+            f"{', '.join(scored)}, {counts['miss']} missed; {', '.join(passed)}")
 
 
 def _keep(folder: Path, acts: "dict[str, Act]", origin: "Origin", truth: Mapping[str, float]) -> None:

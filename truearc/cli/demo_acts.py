@@ -9,6 +9,7 @@ import hashlib
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 import truearc as ta
 from truearc.robot.config.rig_spec import Rig, Site
+from truearc.robot.config.targets import POINTS
 from truearc.sim.aim.solve import best_ratios
 from truearc.sim.data.dataset import join_datasets
 from truearc.sim.discover.report.finding_text import either, interval_of, plain, size_of
@@ -26,17 +28,14 @@ from truearc.sim.discover.report.flights import draw_flights
 from truearc.sim.discover.report.pages import Drawn, names_of
 from truearc.sim.printed import Progress, part_of
 from truearc.sim.report import BEFORE, GREY, PHONE_IN, Origin, make_page, make_svg, new_panels
-from truearc.sim.world.options import Options
-from truearc.sim.world.world import ORDINARY, ShotSetting, play_season, seen_distance_m
+from truearc.sim.world.options import Options, with_ball
+from truearc.sim.world.world import ORDINARY, Bench, ShotSetting, World, play_season, seen_distance_m
 
 PAPER = ("gravity", "drag", "magnus")                 # the paper's physics
-DISTANCES_M = np.arange(2.5, 8.01, 0.25)              # of the table of set points
-FROM_M = (2.6, 7.9)                   # where balls are shot from
-AIMED_DEG = (40.0, 58.0)              # hood angles that are practised at most distances
-MARKED_DEG = (32.5, 63.5)             # of marked shots: spread as in practice, to learn from
 MARKED_RATIO = 0.85                   # motor speed over free speed, at most
 CANDIDATES = 3                        # drawn for each shot that is kept
-# m at which a ball of this robot falls through the target's centre, by hood angle and motor speed over free speed
+# m at which a ball of this robot falls through the upright target's centre, by hood angle and motor speed over free
+# speed
 HOOD_DEG, RATIO = np.linspace(32.0, 64.0, 5), np.linspace(0.45, 0.85, 9)
 FALLS_AT_M = np.array([
     [np.nan, np.nan, np.nan, np.nan, 6.55, 7.77, 8.87, 9.88, 10.80],
@@ -44,12 +43,37 @@ FALLS_AT_M = np.array([
     [3.53, 4.54, 5.44, 6.27, 7.05, 7.77, 8.42, 9.02, 9.55],
     [3.37, 4.11, 4.79, 5.43, 6.01, 6.53, 6.98, 7.38, 7.72],
     [2.68, 3.20, 3.67, 4.10, 4.47, 4.78, 5.03, 5.22, 5.36]])
-NEAR_M, FAR_M, ASIDE = 2.4, 8.0, 0.05                 # places of practice; standard deviation about that, a share
-LEAST_POINTS = 0.5                    # expected of a marked shot
+ASIDE = 0.05                          # of practice about that: a standard deviation, as a share of the distance
+HALL_M = 30.0                         # to a target that is in the way of no ball
+LEAST_POINTS = 0.5                    # expected of a marked shot, where a hit is worth three at most
 APART = 1000                          # world seeds of one seed from the next one's
-HEAD = ("", "what was wrong", "what the robot found", "threes", "points per ball")
 SEEN = "could not have shown"         # what a finding of nothing says of the effects that it is blind to
 LISTED = 3                            # names in a row
+
+
+class Places(NamedTuple):
+    """From where, and at which hood angles, balls are shot at a kind of target.
+
+    distances_m: of the table of set points. from_m: of balls that count. practised_m: of practice. aimed_deg: hood
+    angles that are practised at most distances. marked_deg: of marked shots, spread as in practice, to learn from.
+    hood_deg: of the balls that are tried before practice.
+    """
+
+    distances_m: np.ndarray
+    from_m: tuple[float, float]
+    practised_m: tuple[float, float]
+    aimed_deg: tuple[float, float]
+    marked_deg: tuple[float, float]
+    hood_deg: np.ndarray
+
+
+FRONT = Places(np.arange(2.5, 8.01, 0.25), (2.6, 7.9), (2.4, 8.0), (40.0, 58.0), (32.5, 63.5), HOOD_DEG)
+UP = Places(np.arange(1.9, 6.11, 0.25), (2.0, 6.0), (1.8, 6.2), (52.0, 66.0), (48.5, 67.5), np.linspace(48.0, 68.0, 5))
+
+
+def places_of(rig: Rig) -> Places:
+    """Return the places for the rig's target."""
+    return UP if rig.target is not None and rig.target.faces_up else FRONT
 
 
 class WorldChange(NamedTuple):
@@ -102,16 +126,32 @@ class Sizes(NamedTuple):
 
 
 class Volley(NamedTuple):
-    """Balls aimed with one table of set points, and how many scored three and two points."""
+    """Balls aimed with one table of set points, and how many went through the inner part of the opening and through the
+    rest of it.
+
+    worth: points of the rest and of the inner part. foretold: sum of the table's probabilities of a hit.
+    """
 
     threes: int
     twos: int
     balls: int
+    worth: tuple[float, float] = POINTS
+    foretold: float = 0.0
 
     @property
     def per_ball(self) -> float:
         """Points per ball."""
-        return (3 * self.threes + 2 * self.twos) / self.balls
+        outer, inner = self.worth
+        return (inner * self.threes + outer * self.twos) / self.balls
+
+    def best(self, rig: Rig) -> int:
+        """Return how many scored full points."""
+        return self.twos if full_points(rig) == "hit" else self.threes
+
+
+def full_points(rig: Rig) -> str:
+    """Return the word for a ball that scores full points."""
+    return rig.target.word("two") if rig.target is not None and rig.target.hit_or_miss else "three"
 
 
 class Act(NamedTuple):
@@ -127,14 +167,16 @@ class Act(NamedTuple):
 def practise(rig: Rig, seed: int, sizes: Sizes, recorded: ta.Dataset | None, progress: Progress) -> Act:
     """Practise in a closed hall, believing the paper's physics; `recorded`: shots of the whole emulated robot, which
     come first."""
+    places = places_of(rig)
     own, count = APART * seed, sizes.practice - (0 if recorded is None else len(recorded.shots))
-    settings = practice_settings(own, count)
+    settings = practice_settings(rig, own, count)
     shots = play_season(rig, Options(), own, settings, "L1", ORDINARY, part_of(progress, 0.0, 0.2)).dataset
     shots = shots if recorded is None else join_datasets(recorded, shots)
     shots = replace(shots, facts=structs.replace(shots.rig, site=Site(indoor=True)))
     finding = ta.discover(shots, believe=PAPER, seed=seed, progress=part_of(progress, 0.2, 0.5))
     paper = ta.fit(shots, PAPER, progress=part_of(progress, 0.7, 0.02)).belief
-    before = ta.aim(paper, rig, distances_m=DISTANCES_M, hood_deg=AIMED_DEG, progress=part_of(progress, 0.72, 0.01))
+    before = ta.aim(paper, rig, distances_m=places.distances_m, hood_deg=places.aimed_deg,
+                    progress=part_of(progress, 0.72, 0.01))
     return _judge(rig, Options(), own + 1, sizes, shots, finding, paper, before, progress)
 
 
@@ -154,7 +196,7 @@ def _judge(rig: Rig, options: Options, seed: int, sizes: Sizes, shots: ta.Datase
     """Adopt, aim, and shoot the same balls from the same places with the aim of before and that of after."""
     try:
         adopted = finding.adopt()
-        after = ta.aim(adopted, rig, distances_m=DISTANCES_M, hood_deg=AIMED_DEG,
+        after = ta.aim(adopted, rig, distances_m=places_of(rig).distances_m, hood_deg=places_of(rig).aimed_deg,
                        progress=part_of(progress, 0.73, 0.02))
     except ta.InputError:             # nothing to adopt, or nothing scores by it: the robot keeps its aim
         adopted, after = believed, before
@@ -170,42 +212,72 @@ def fire(rig: Rig, options: Options, seed: int, aim: ta.AimTable, balls: int) ->
 
     Where the table has no set point, the ball stays in the robot and scores nothing.
     """
-    settings = aimed_settings(aim, options, seed, balls)
+    settings, foretold = aimed_settings(rig, aim, options, seed, balls)
     marks = play_season(rig, options, seed, settings, "L0").dataset.shots.text("outcome") if settings else ()
-    return Volley(marks.count("three"), marks.count("two"), balls)
+    worth = POINTS if rig.target is None else rig.target.worth
+    return Volley(marks.count("three"), marks.count("two"), balls, worth, foretold)
 
 
-def aimed_settings(aim: ta.AimTable, options: Options, seed: int, balls: int) -> list[ShotSetting]:
-    """Return set points of a table from random places, at the measured distance; none where the table has none."""
-    rng = np.random.default_rng([seed, 32])
+def aimed_settings(rig: Rig, aim: ta.AimTable, options: Options, seed: int,
+                   balls: int) -> tuple[list[ShotSetting], float]:
+    """Return set points of a table from random places, at the measured distance, none where the table has none; and the
+    sum of its probabilities of a hit."""
+    rng, places, foretold = np.random.default_rng([seed, 32]), places_of(rig), 0.0
     settings = []
-    for distance_m in rng.uniform(*FROM_M, balls):
+    for distance_m in rng.uniform(*places.from_m, balls):
         seen_m = seen_distance_m(float(distance_m), options) + ORDINARY.distance_m * rng.normal()
         try:
-            row = aim.at(float(np.clip(seen_m, DISTANCES_M[0], DISTANCES_M[-1])))
+            row = aim.at(float(np.clip(seen_m, places.distances_m[0], places.distances_m[-1])))
         except ta.InputError:
             continue
         settings.append(ShotSetting(float(distance_m), row.hood_deg, row.motor_ratio))
-    return settings
+        foretold += row.p_two
+    return settings, foretold
 
 
-def practice_settings(seed: int, count: int) -> list[ShotSetting]:
+def practice_settings(rig: Rig, seed: int, count: int) -> list[ShotSetting]:
     """Return random hood angles and motor speeds, from about where the crew has seen such balls reach the target."""
-    rng, size = np.random.default_rng([seed, 33]), CANDIDATES * count
-    hood_deg, ratio = rng.uniform(HOOD_DEG[0], HOOD_DEG[-1], size), rng.uniform(RATIO[0], RATIO[-1], size)
-    falls_at_m = RegularGridInterpolator((HOOD_DEG, RATIO), FALLS_AT_M)(np.column_stack([hood_deg, ratio]))
+    rng, size, places = np.random.default_rng([seed, 33]), CANDIDATES * count, places_of(rig)
+    hood_deg, ratio = (rng.uniform(one[0], one[-1], size) for one in (places.hood_deg, RATIO))
+    table_m = FALLS_AT_M if places is FRONT else try_balls(rig, places.hood_deg)
+    falls_at_m = RegularGridInterpolator((places.hood_deg, RATIO), table_m)(np.column_stack([hood_deg, ratio]))
     distance_m = falls_at_m * (1.0 + ASIDE * rng.normal(size=size))
-    return _settings((distance_m >= NEAR_M) & (distance_m <= FAR_M), count, distance_m, hood_deg, ratio)
+    near_m, far_m = places.practised_m
+    return _settings((distance_m >= near_m) & (distance_m <= far_m), count, distance_m, hood_deg, ratio)
+
+
+def try_balls(rig: Rig, hood_deg: np.ndarray) -> np.ndarray:
+    """Return the distance in m [hood, RATIO] at which a ball without scatter falls through the height of the rig's
+    target; NaN where it does not come so high."""
+    assert rig.target is not None
+    table_m, high_m = np.full((len(hood_deg), len(RATIO)), np.nan), rig.target.centre_height_m
+    options = with_ball(Options(scatter_scale=0.0, pose_scale=0.0), rig)
+    track: list[tuple[float, float]] = []
+
+    def watch(world: World) -> None:
+        if world.flying:
+            x_m, _, z_m = map(float, world.flying[-1].data.qpos[:3])
+            track.append((x_m + HALL_M, z_m))
+
+    bench = Bench(World(0, options, HALL_M), watch)
+    for row, column in np.ndindex(table_m.shape):
+        track.clear()
+        bench.fire(float(RATIO[column]) * (rig.launcher.free_speed_rad_s or 0.0), float(hood_deg[row]), 1)
+        falls_at_m = [b[0] for a, b in pairwise(track) if a[1] >= high_m > b[1]]
+        table_m[row, column] = falls_at_m[-1] if falls_at_m else np.nan
+    return table_m
 
 
 def marked_settings(rig: Rig, belief: ta.Belief, options: Options, seed: int, count: int) -> list[ShotSetting]:
     """Return settings that score under the belief, from random places at random hood angles of practice."""
     rng, size = np.random.default_rng([seed, 33]), CANDIDATES * count
-    distance_m, hood_deg = rng.uniform(*FROM_M, size), rng.uniform(*MARKED_DEG, size)
+    places = places_of(rig)
+    distance_m, hood_deg = rng.uniform(*places.from_m, size), rng.uniform(*places.marked_deg, size)
     seen_m = np.array([seen_distance_m(float(one), options) for one in distance_m])
     seen_m += ORDINARY.distance_m * rng.normal(size=size)
     ratio, chances = best_ratios(rig, belief, seen_m, hood_deg)
-    return _settings((chances.points >= LEAST_POINTS) & (ratio <= MARKED_RATIO), count, distance_m, hood_deg, ratio)
+    least = LEAST_POINTS * chances.worth[1] / POINTS[1]
+    return _settings((chances.points >= least) & (ratio <= MARKED_RATIO), count, distance_m, hood_deg, ratio)
 
 
 def _settings(good: np.ndarray, count: int, *columns: np.ndarray) -> list[ShotSetting]:
@@ -219,24 +291,30 @@ def tell(acts: Acts, effect: WorldChange) -> list[tuple[str, str]]:
     """Return what happened in five lines: (what, sentence)."""
     practice, event, control = acts["practice"], acts["event"], acts["control"]
     before, after = event.volleys
+    rig = event.shots.rig
+    scores = f"{full_points(rig)}s"
     quiet = "found nothing" if control.finding.verdict == "none" else f"gave a false alarm ({control.finding.verdict})"
     learned = {"none": "nothing", "unknown": "that something is missing"}.get(
         practice.finding.verdict, plain(practice.finding.best.term) if practice.finding.best else "")
     return [("The robot", f"practised {len(practice.shots.shots)} shots, learned {learned}, and scored "
-                          f"{practice.volleys[1].threes} threes of {practice.volleys[1].balls} balls"
-                          f" instead of {practice.volleys[0].threes}."),
+                          f"{practice.volleys[1].best(rig)} {scores} of "
+                          f"{practice.volleys[1].balls} balls instead of {practice.volleys[0].best(rig)}."),
             ("Hidden", f"{effect.name}; no sensor saw it."),
             ("Found", f"{event.finding.change.rstrip('.')}, from {len(event.shots.shots)} marked shots."),
             ("How large", f"{_found(event)}; the truth: {effect.truth}."),
-            ("Worth", f"{before.per_ball:.2f} to {after.per_ball:.2f} points a ball ({before.threes} to {after.threes} "
-                      f"threes of {after.balls}); where nothing had changed it {quiet}.")]
+            ("Worth", f"{before.per_ball:.2f} to {after.per_ball:.2f} points a ball ({before.best(rig)} to "
+                      f"{after.best(rig)} {scores} of {after.balls}); where nothing had changed it {quiet}.")]
 
 
 def _rows(acts: Acts, effect: WorldChange) -> list[Sequence[str]]:
-    wrong = ("the paper's physics has no wheel slip", effect.truth, NOTHING.name)
-    return [(name, why, _found(act), f"{act.volleys[0].threes} to {act.volleys[1].threes} of {act.volleys[1].balls}",
+    """The head of the table and its rows."""
+    wrong, rig = ("the paper's physics has no wheel slip", effect.truth, NOTHING.name), acts["event"].shots.rig
+    head = ("", "what was wrong", "what the robot found", f"{full_points(rig)}s", "points per ball")
+    return [head, *(
+            (name, why, _found(act),
+             f"{act.volleys[0].best(rig)} to {act.volleys[1].best(rig)} of {act.volleys[1].balls}",
              " to ".join(f"{one.per_ball:.2f}" for one in act.volleys))
-            for (name, act), why in zip(acts.items(), wrong, strict=True)]
+            for (name, act), why in zip(acts.items(), wrong, strict=True))]
 
 
 def _found(act: Act) -> str:
@@ -265,7 +343,7 @@ def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> P
     before, after = (one.per_ball for one in event.volleys)
     verdict = (f"Something had changed that no sensor saw ({effect.name}): {before:.2f} points per ball, {after:.2f}"
                f" once the robot had aimed again after {len(event.shots.shots)} marked shots.")
-    flown = draw_flights(event.finding.investigation)
+    flown, (head, *rows) = draw_flights(event.finding.investigation), _rows(acts, effect)
     pictures = [] if flown is None else [Drawn(make_svg(flown, "flights at the event"), "Flights at the event: as "
                                                "believed after practice (blue), and as found (orange).")]
     pictures.append(Drawn(make_svg(_draw_worth(acts), "points per ball before and after"),
@@ -275,7 +353,7 @@ def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> P
         "truearc demo", verdict, [], origin, "demo.html", lines=lines, pictures=pictures,
         names=[row for row in names_of(event.finding.record, event.finding.investigation.catalogue, effect.terms)
                if "size" in row][:LISTED],
-        acts=list(acts), header=HEAD, rows=_rows(acts, effect), limits=say_limits(event, acts["control"]),
+        acts=list(acts), header=head, rows=rows, limits=say_limits(event, acts["control"]),
         envelope=envelope), encoding="utf-8")
     return page
 
@@ -287,5 +365,5 @@ def _draw_worth(acts: Acts) -> Figure:
             axes.barh(row + shift, volley.per_ball, color=colour, height=0.38)
             axes.text(volley.per_ball + 0.05, row + shift, f"{volley.per_ball:.2f}", va="center", weight="bold")
     axes.set_yticks(range(len(acts)), acts)
-    axes.set(xlim=(0.0, 3.3), ylim=(2.6, -0.6), xlabel="points per ball: before (grey), after (blue)")
+    axes.set(xlim=(0.0, 1.1 * volley.worth[1]), ylim=(2.6, -0.6), xlabel="points per ball: before (grey), after (blue)")
     return figure

@@ -51,8 +51,8 @@ def deploy(args: argparse.Namespace) -> int:
         raise InputError(f"{args.host!r}: not user@host")
     config = schema.load_config(args.config)
     if args.gate:
-        from truearc.robot.gate import load_gate
-        load_gate(args.gate)                      # a model that the robot would refuse is refused here
+        from truearc.robot.gate import load_gate_for
+        load_gate_for(args.gate, config.rig)                      # a model that the robot would refuse is refused here
     if args.aim:
         from truearc.robot.aim_file import load_aim_for
         load_aim_for(args.aim, config)

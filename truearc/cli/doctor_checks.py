@@ -47,7 +47,7 @@ def check_robot(args: argparse.Namespace) -> int:
         findings += move_robot(config, clock, findings, args.yes)
     findings += [*_look_at_senses(config, clock), *look_at_readings(config),
                 *doctor.check_real_time(rehearse(args.priority)), doctor.check_clock(is_clock_synchronised()),
-                doctor.check_model(config.gate, args.gate), *doctor.check_aim(config, args.aim),
+                doctor.check_model(config, args.gate), *doctor.check_aim(config, args.aim),
                 _look_at_disk(args.out)]
     return report(findings, args.json)
 

@@ -31,7 +31,7 @@ from truearc.hw.reason import Reason
 from truearc.robot import aim_file, motors, reasons, sysid, types
 from truearc.robot.config.schema import Config, load_config, with_ports
 from truearc.robot.eyes import Eyes, NoEyes, open_their_screens, sources_of
-from truearc.robot.gate import load_gate
+from truearc.robot.gate import load_gate_for
 from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.operator_ui.server import open_page
@@ -67,7 +67,7 @@ def run_robot(args: argparse.Namespace) -> int:
     config = with_ports(load_config(args.config), args.can, args.buttons, args.camera)
     config = aim_file.with_plan(config, aim_file.load_plan(args.plan, config) if args.plan else (), args.repeats)
     motors.make_motors(config)               # refuses two axes that are one device, before there is a folder
-    gate = None if args.gate is None else load_gate(args.gate)
+    gate = None if args.gate is None else load_gate_for(args.gate, config.rig)
     if config.gate.policy == "model" and gate is None:
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
     if config.gate.policy != "model" and gate is not None:

@@ -23,6 +23,7 @@ from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.system import CanLink, Exposure, parse_link, read_exposure
 from truearc.robot import doctor
+from truearc.robot.config.rig_spec import Target
 
 # As iproute2 prints a gs_usb adapter and a virtual interface.
 CAN0 = ('[{"ifindex":3,"ifname":"can0","flags":["NOARP","UP","LOWER_UP","ECHO"],"mtu":16,"operstate":"UP",'
@@ -171,14 +172,18 @@ def test_the_button_box(data, lost, level, words):
 def test_the_gate_model(tmp_path):
     path = tmp_path / "gate.onnx"
     path.write_bytes(build())
-    asked = replace(CONFIG.gate, policy="model")
-    assert doctor.check_model(CONFIG.gate, None).level == OK and doctor.check_model(asked, None).level == FAILURE
+    asked = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
+    assert doctor.check_model(CONFIG, None).level == OK and doctor.check_model(asked, None).level == FAILURE
     finding = doctor.check_model(asked, path)
     assert finding.level == OK and "hood_deg 20 to 60" in finding.says
     path.write_bytes(build(metadata=METADATA | {"truearc.contract_sha256": "0" * 64}))
     finding = doctor.check_model(asked, path)
     assert finding.level == FAILURE and "another contract" in finding.says
-    assert doctor.check_model(CONFIG.gate, tmp_path / "nowhere.onnx").level == FAILURE
+    assert doctor.check_model(CONFIG, tmp_path / "nowhere.onnx").level == FAILURE
+    hub = Target(1.83, facing="up", shape="circle", radius_m=0.6)
+    path.write_bytes(build())
+    finding = doctor.check_model(replace(asked, rig=replace(CONFIG.rig, target=hub)), path)
+    assert finding.level == FAILURE and "faces front, but this robot's faces up" in finding.says
 
 
 @pytest.fixture

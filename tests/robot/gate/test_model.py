@@ -11,11 +11,14 @@ import onnx
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from onnx import TensorProto, helper, numpy_helper
 
+from tests.robot.good_tick import CONFIG
 from truearc.errors import InputError
 from truearc.robot import gate as gate_model
-from truearc.robot.gate import KEY_SEAL, NO_RATING, UNSEALED, Gate, load_gate, seal
+from truearc.robot.config.rig_spec import Target
+from truearc.robot.gate import KEY_SEAL, NO_RATING, UNSEALED, Gate, facing_up_of, load_gate, load_gate_for, seal
 
 BOX = {"distance_m": [2.0, 8.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 60.0]}
 RNG = np.random.default_rng(5)
@@ -259,6 +262,20 @@ def test_checks_the_seal_before_onnxruntime_sees_the_file(tmp_path: Path, monkey
         monkeypatch.setattr(gate_model, name, lambda *_: pytest.fail("was loaded"))
     with pytest.raises(InputError, match="damaged or altered"):
         load_gate(path)
+
+
+def test_a_gate_is_refused_at_another_target(tmp_path: Path) -> None:
+    hub = Target(1.83, facing="up", shape="polygon", across_flats_m=1.06, sides=6, points=1.0)
+    higher = replace(CONFIG.rig, target=replace(hub, centre_height_m=2.64))
+    front, up = tmp_path / "front.onnx", tmp_path / "up.onnx"
+    rig = replace(CONFIG.rig, target=hub)
+    front.write_bytes(build())
+    up.write_bytes(build(metadata={**METADATA, gate_model.KEY_PROVENANCE: json.dumps({"target": facing_up_of(rig)})}))
+    assert not load_gate_for(front, CONFIG.rig).hit_or_miss and load_gate_for(up, rig).hit_or_miss
+    assert load_gate_for(up, replace(rig, target=replace(hub, points=3.0))).target == facing_up_of(rig)
+    for path, other in ((front, rig), (up, CONFIG.rig), (up, higher)):
+        with pytest.raises(InputError, match=r"\.onnx: trained for a target that faces .*, but this robot's faces"):
+            load_gate_for(path, other)
 
 
 def test_refuses_a_model_that_takes_too_long_to_load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -71,15 +71,15 @@ def test_a_students_spreadsheet_is_imported_and_checked(rig, tmp_path, capsys):
         "  motor_rad_s: Flywheel RPM, in rpm",
         "  t_s: Shot: the order of the shots",
         "  shot_id: Shot",
-        "  outcome: Result: in = hit, short = miss-low, long = miss-high, rim out = miss, left = miss, made = hit, "
-        "missed low = miss-low, good = hit, over = miss-high, redo = rejected, yes = hit, no = miss",
+        "  outcome: Result: in = hit, short = miss-low, long = miss-high, rim out = miss, left = miss-left, "
+        "made = hit, missed low = miss-low, good = hit, over = miss-high, redo = rejected, yes = hit, no = miss",
         "  not used: Robot",
         f"{out}: 11 shots, 0 track samples",
         f"left out: {mine}:11: rejected"]
     shots = ta.load_dataset(out).shots
     assert shots.shot_id == ("1", "2", "3", "4", "5", "6", "7", "8", "9", "11", "12")
     assert shots.text("outcome") == ("two", "miss", "miss", "miss", "miss", "two", "miss", "two", "miss", "two", "miss")
-    assert shots.text("side") == ("", "low", "high", "", "", "", "low", "", "high", "", "")
+    assert shots.text("side") == ("", "low", "high", "", "left", "", "low", "", "high", "", "")
     assert shots.number("distance_m")[:3] == pytest.approx([3.048, 3.048, 3.6576])
     assert shots.number("hood_deg")[:3].tolist() == [45.0, 45.0, 46.0]
     assert shots.number("motor_ratio")[:2] == pytest.approx([3300 * RPM / 600.0, 3200 * RPM / 600.0])

@@ -1,12 +1,17 @@
 """From shots at an opening that faces up to a fit, forecasts and a finding."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import truearc as ta
 from tests.sim.infer.hubs import CD, CL, HUB, LOSS, RIG, make_shots
 from truearc.errors import InputError
+from truearc.robot.config.targets import refuse_up
+from truearc.robot.gate import FEATURES, facing_up_of
 from truearc.sim.discover.investigate import score_since
+from truearc.sim.gate.model import load_physics_gate
 from truearc.sim.infer.belief import Belief
 
 BELIEF = Belief({"drag": {"cd": CD}, "magnus": {"cl": CL}, "exit_efficiency": {"loss": LOSS}},
@@ -49,10 +54,20 @@ def test_discovery_reads_shots_at_a_hub() -> None:
     assert "120 shots, level L0" in "\n".join(found.lines())
 
 
-def test_gate_and_the_papers_method_are_refused() -> None:
-    shots = make_shots(4, 20)
+@pytest.mark.slow
+def test_gate_at_a_hub_knows_what_hits(tmp_path: Path) -> None:
+    training = ta.train_gate(make_shots(4, 150), BELIEF)
+    later = make_shots(6, 200)
+    features = np.column_stack([later.shots.number(one.name) for one in FEATURES])
+    p_hit, hit = training.gate.probabilities(features)[:, 1], np.array(later.shots.text("outcome")) == "two"
+    assert abs(p_hit.mean() - hit.mean()) < 0.08 and ((p_hit > 0.5) == hit).mean() > 0.75
+    training.save(tmp_path / "gate")
+    assert load_physics_gate(tmp_path / "gate")[1]["target"] == facing_up_of(RIG)
+
+
+def test_the_papers_method_is_refused() -> None:
     with pytest.raises(InputError, match=r"target\.facing: is up"):
-        ta.train_gate(shots, BELIEF)
+        refuse_up(HUB, "the paper's method")
 
 
 def test_follow_tells_a_steeper_launch_from_no_change() -> None:
