@@ -61,7 +61,7 @@ class Sheet(NamedTuple):
         time_s: In the clip.
         x_px, y_px: Its centre.
         side_px: Side of its black square.
-        tilt_rad: Angle by which its upper edge points up to the right.
+        tilt_rad: Angle by which the picture's x axis points up beside its upper edge.
     """
 
     time_s: float
@@ -240,7 +240,7 @@ def _measured(corners: Floats) -> tuple[float, float]:
     edges = np.roll(corners, -1, axis=0) - corners
     sides = np.hypot(edges[:, 0], edges[:, 1])
     level = edges[0] - edges[2]       # from the upper left to the upper right corner
-    return float(max(sides[0] + sides[2], sides[1] + sides[3]) / 2.0), float(-np.arctan2(level[1], level[0]))
+    return float(max(sides[0] + sides[2], sides[1] + sides[3]) / 2.0), float(np.arctan2(level[1], level[0]))
 
 
 def _level_by(sheets: Sequence[Sheet]) -> tuple[float, float]:
@@ -248,7 +248,7 @@ def _level_by(sheets: Sequence[Sheet]) -> tuple[float, float]:
     x_px, y_px, side_px, tilt = (np.array([getattr(sheet, name) for sheet in sheets])
                                  for name in ("x_px", "y_px", "side_px", "tilt_rad"))
     if np.ptp(x_px) > FLOOR_SIDES * np.median(side_px):
-        return float(-np.arctan(np.polyfit(x_px, y_px, 1)[0])), FLOOR_SD_DEG
+        return float(np.arctan(np.polyfit(x_px, y_px, 1)[0])), FLOOR_SD_DEG
     edges = np.degrees(TAG_SD_PX / np.median(side_px))
     return float(np.median(tilt)), float(np.hypot(SHEET_LEVEL_SD_DEG, edges))
 
@@ -334,8 +334,8 @@ def place_flights(flights: Sequence[Flight], calibration: Calibration, readout_s
     for flight, sheet in zip(flights, sheets or [None] * len(flights), strict=True):
         if sheet is not None and not mark and exit_px is None:
             ahead, above = (one / scale for one in EXIT_FROM_SHEET_M)
-            origin = (sheet.x_px + way * (ahead * cosine + way * above * sine), sheet.y_px - above * cosine
-                      - ahead * sine * way, 0.0, release_height_m)
+            origin = (sheet.x_px + way * ahead * cosine + above * sine,
+                      sheet.y_px + way * ahead * sine - above * cosine, 0.0, release_height_m)
         across = np.array([blob.x_px for blob in flight.blobs]) - origin[0]
         up = origin[1] - np.array([blob.y_px for blob in flight.blobs])
         sigma = np.array([sigma_px(blob) for blob in flight.blobs]) * scale

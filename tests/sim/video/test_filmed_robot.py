@@ -15,7 +15,7 @@ from truearc.sim.video.write import match_flights
 
 pytest.importorskip("av")
 EXIT_M, RADIUS_M = 0.75, 0.0889
-CLOSE = Phone(width_px=800, height_px=450, place_m=(-2.6, 7.0, 1.5), view_m=6.4)
+CLOSE = Phone(width_px=800, height_px=450, place_m=(-2.6, 7.0, 1.5), view_m=6.4, tilt_deg=2.0, pitch_deg=0.0)
 WAITS_S = (1.0, 4.1, 9.7, 12.9)
 
 
@@ -33,12 +33,14 @@ def test_sheet_gives_the_exit_wherever_the_robot_stands(tmp_path):
     found = track_clip(open_clip(tmp_path / "a.mp4"), View(2.0 * RADIUS_M, release_height_m=EXIT_M, mass_kg=0.14))
     assert len(found.flights) == len(found.placed) == 4, found.warnings
     assert found.self_test.is_sound and not found.warnings
+    # the phone leans: what is ahead seems higher, so its own x axis points down
+    assert np.degrees(found.calibration.tilt_rad) == pytest.approx(-2.0, abs=0.3)
     for number, placed in enumerate(found.placed):
         rows = np.array([(row.time_s, row.x_m, row.z_m) for row in truth if row.shot == number])
         inside = (placed.time_s > rows[0, 0]) & (placed.time_s < rows[-1, 0])
         for axis, place in ((1, placed.x_m), (2, placed.z_m)):
             off = place[inside] - np.interp(placed.time_s[inside], rows[:, 0], rows[:, axis])
-            assert abs(off[0]) < 0.03 and np.abs(off).max() < 0.08
+            assert abs(off[0]) < 0.03 and np.abs(off).max() < 0.05
     shots = {"shot_id": [f"s-{k}" for k in range(6)], "t_s": 60.0 + np.array([*WAITS_S, 20.0, 23.3])}
     recorded = ta.dataset(shots, rig={"ball": {"mass_kg": 0.14, "radius_m": RADIUS_M}})
     assert match_flights([replace(found, end_s=14.0)], recorded).shot_id == (("s-0", "s-1", "s-2", "s-3"),)
