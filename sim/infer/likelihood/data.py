@@ -446,8 +446,8 @@ def _measured(column: Float[Array, " n"], where: Bool[Array, " n"]) -> Float[Arr
 
 
 def _pick(circumstances: Circumstances, rows: Int[Array, " n"]) -> Circumstances:
-    return Circumstances(*(np.broadcast_to(np.asarray(part, dtype=float), (rows.max(initial=-1) + 1,))[rows]
-                           if np.ndim(part) == 0 else np.asarray(part)[rows] for part in circumstances))
+    return Circumstances(*(np.full(len(rows), part, dtype=float) if np.ndim(part) == 0 else np.asarray(part)[rows]
+                           for part in circumstances))
 
 
 def _level(dataset: Dataset, samples: Samples | None) -> str:

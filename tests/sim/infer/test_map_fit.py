@@ -93,6 +93,15 @@ def test_held_out_outcomes_are_predicted_better_than_by_their_shares(outcomes):
     assert score.accuracy > score.share_accuracy
 
 
+def test_outcomes_of_one_kind_are_cross_validated_too(outcomes):
+    scores = outcomes.scores
+    missed = np.where(scores.plane.seen.classes == 0.0, 0.0, np.nan)
+    plane = dataclasses.replace(scores.plane, seen=dataclasses.replace(scores.plane.seen, classes=missed))
+    fitted = dataclasses.replace(outcomes.fitted, scores=dataclasses.replace(scores, plane=plane))
+    score = cross_validate(dataclasses.replace(outcomes, fitted=fitted))
+    assert score.shots == np.isfinite(missed).sum() > 5
+
+
 @pytest.mark.slow
 def test_tracks_recover_coefficients_scatter_and_noise():
     tracks = make_tracks(21, 12)

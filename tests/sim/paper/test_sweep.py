@@ -14,6 +14,7 @@ import truearc.cli.main as truearc
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from tests.sim.training_rows import some_rows
+from truearc.api.paper import _sentence
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.data.dataset import Dataset, Shots
@@ -211,3 +212,13 @@ def test_bad_options_are_named(words, named, tmp_path, monkeypatch, capsys):
     save_rows(tmp_path / "real", REAL)
     assert truearc.main(["paper", "sweep", "--quiet", "--real", "real", "-o", "out", *words]) == 2
     assert named in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("value", "half", "said"), [
+    (0.02, 0.01, "by +0.020 +- 0.010, which is beyond chance and better"), (-0.02, 0.01, "beyond chance and WORSE"),
+    (0.01, 0.02, "by +0.010 +- 0.020, which is within what the draw of seeds does by chance"),
+    (0.0, 0.0, "within what the draw of seeds does by chance"), (0.02, math.nan, "for the one seed tried")])
+def test_verdict_of_a_sweep_says_what_chance_can_do(value: float, half: float, said: str) -> None:
+    best, rival = sweep.SweepSetting(1000, 0.5), sweep.SweepSetting(0, 0.0)
+    text = _sentence(sweep.Verdict(best, rival, sweep.Mean(value, half)))
+    assert said in text and text.startswith("best on the validation shots: 1000 simulated shots, lambda 0.5; ")
