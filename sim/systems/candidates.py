@@ -31,7 +31,8 @@ OUTPUT, INPUT, PARAMETER, RATE = "output", "input", "parameter", "rate"
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A push on rate number `rate`: a table over value `reads`, times value `times` (-1: 1)."""
+    """A push on rate number `rate` (from the number of states on: on an input): a table over value `reads`, times value
+    `times` (-1: 1)."""
 
     rate: int
     reads: int
@@ -46,7 +47,7 @@ class Table:
 
     def drawn(self, values: Sequence[Float[Array, "..."]]) -> Float[Array, "..."]:
         """Return the table along values."""
-        return np.interp(values[self.reads], self.knots, self.table)
+        return np.asarray(np.interp(values[self.reads], self.knots, self.table))
 
 
 @dataclass(frozen=True)
@@ -183,6 +184,7 @@ def signal_candidates(system: System, recording: Recording, inputs: Sequence[str
 def push_candidates(system: System, recording: Recording, believed: Believed) -> Iterator[Candidate]:
     """Pushes on every rate that is not itself a state, by every state, input and condition."""
     s, real = len(system.state), recording.real
+    yield from _through_inputs(believed, recording, s)
     kinematic = _kinematic(believed, real, s)
     speeds = sorted(set(kinematic.values())) or [j for j in range(s) if _both_signs(believed.values[j][real])]
     for i in (k for k in range(s) if k not in kinematic):
@@ -208,6 +210,27 @@ def push_candidates(system: System, recording: Recording, believed: Believed) ->
             yield from _curve(i, j, rate, name, believed.values[j][real], size)
         yield Candidate(f"push on {rate}", f"{rate} is pushed", "unit", size, RATE, ("push", 0),
                         push=_table(i, 0, -1, believed.values[0][real], np.ones_like), kind="free", direction=rate)
+
+
+def _through_inputs(believed: Believed, recording: Recording, s: int) -> Iterator[Candidate]:
+    """Pushes by each state that come in where an input does: a friction or spring force beside a force. What they do to
+    a rate depends on the run as the input's effect does, such as by its mass."""
+    real = recording.real
+    for k in range(recording.inputs.shape[2]):
+        name, drive = believed.names[s + k], believed.values[s + k][real]
+        size = USUAL_PUSH * (float(np.sqrt(np.mean(drive**2))) or 1.0)
+        for j in range(s):
+            values = believed.values[j][real]
+            if np.ptp(values) <= 1e-9 * (1e-9 + np.abs(values).max()):
+                continue
+            shapes = [one for one in _shapes(believed.names[j], values, True, False, _both_signs(values), True)
+                      if not one[0].startswith(("above", "below"))]
+            for word, label, law in shapes:
+                table = _table(s + k, j, -1, values, law)
+                rms = float(np.sqrt(np.mean(table.of(believed.values)[real]**2)))
+                if rms > 0.0:
+                    yield Candidate(f"{name}_{word}", f"{label}, beside {name}", "unit", size / rms, INPUT, ("push", 0),
+                                    push=table, direction=name)
 
 
 def _by_load(believed: Believed, real: Array, speeds: Sequence[int],

@@ -1,7 +1,8 @@
 """Integration of a rate function with pushes added to it, and the slopes of single steps.
 
-A push is amplitude x table(value) x other value, added to one rate; the table is read between its knots, so that all
-pushes share compiled code. States come first in every array: x [S, ...], inputs and conditions u [U, ...].
+A push is amplitude x table(value) x other value, added to one rate or, as a force is, to one input. The table is read
+between its knots, so that all pushes share compiled code. States come first in every array: x [S, ...], inputs and
+conditions u [U, ...].
 """
 
 from collections.abc import Callable, Sequence
@@ -21,9 +22,9 @@ CLOSE = 0.02                          # noise, or thousandths of the range, with
 
 
 class Pushes(NamedTuple):
-    """A pushes: knots and tables [A, G]; which value each reads, which multiplies it, which rate it is added to [A].
+    """A pushes: knots and tables [A, G]; which value each reads, which multiplies it, what it is added to [A].
 
-    Values are states, inputs, conditions, then 1.
+    Values are states, inputs, conditions, then 1. It is added to a rate, numbered as its state, or to an input.
     """
 
     knots: Float[Array, "A G"]
@@ -61,7 +62,7 @@ class Stepper:
     own: tuple[Effect, ...]
 
     def rates(self, xp: Any, x: Any, u: Any, p: Any, push: Any, amps: Any, own: Any, pushes: Any) -> Any:
-        found = call_rate(self.system, self.names, x, u, p)
+        found = call_rate(self.system, self.names, x, self._pushed(xp, x, u, amps, pushes), p)
         size = [xp.asarray(one) + push[k] for k, one in enumerate(found)]
         for k, effect in enumerate(self.own):
             more = effect.push(tuple(x), dict(zip(self.names, u, strict=True)), own[k])
@@ -74,14 +75,30 @@ class Stepper:
             shape = np.shape(x)[1:]
             rates: Array = np.stack([np.broadcast_to(one, shape) for one in size])
             values = [*x, *u, 1.0]
-            for k in range(len(amps)):
+            for k in np.flatnonzero(pushes.rate < len(size)):
                 rates[pushes.rate[k]] += (amps[k] * values[pushes.times[k]] * np.interp(
                     values[pushes.reads[k]], pushes.knots[k], pushes.table[k]))
             return rates
+        return self._added(xp, x, u, amps, pushes)[:len(size)] + xp.stack(size)
+
+    def _pushed(self, xp: Any, x: Any, u: Any, amps: Any, pushes: Any) -> list[Any]:
+        """Inputs and conditions with the pushes that are added to them."""
+        s, found = len(self.system.state), list(u)
+        if xp is not np:
+            added = self._added(xp, x, u, amps, pushes)[s:]
+            return [one + added[k] for k, one in enumerate(found)]
+        values = [*x, *u, 1.0]
+        for k in np.flatnonzero(pushes.rate >= s):
+            found[pushes.rate[k] - s] = found[pushes.rate[k] - s] + (amps[k] * values[pushes.times[k]] * np.interp(
+                values[pushes.reads[k]], pushes.knots[k], pushes.table[k]))
+        return found
+
+    def _added(self, xp: Any, x: Any, u: Any, amps: Any, pushes: Any) -> Any:
+        """What is added to each rate, then to each input and condition, in JAX."""
         import jax
-        values = xp.concatenate([xp.asarray(x), xp.asarray(u), xp.ones(1)])
+        values = xp.concatenate([xp.asarray(x), xp.stack(list(u)) if len(u) else xp.zeros(0), xp.ones(1)])
         drawn = jax.vmap(xp.interp)(values[pushes.reads], pushes.knots, pushes.table) * values[pushes.times]
-        return xp.zeros(len(size)).at[pushes.rate].add(amps * drawn) + xp.stack(size)
+        return xp.zeros(len(values) - 1).at[pushes.rate].add(amps * drawn)
 
     def step(self, xp: Any, z: Any, fixed: Any, h: Any, pushes: Any) -> Any:
         """Return x one time step h later; fixed: conditions."""

@@ -249,7 +249,7 @@ def curve_figure(found: SystemInvestigation) -> Figure | None:
         axes.axhline(0.0, color="#bbbbbb", linewidth=0.8)
         names: Sequence[str] = [*model.system.state, *model.names]
         axes.set_xlabel(names[one.push.reads])
-        axes.set_ylabel(f"push on {model.system.state[one.push.rate]}")
+        axes.set_ylabel(f"push on {names[one.push.rate]}")
         axes.plot(seen[::max(len(seen) // 300, 1)], np.full(len(seen[::max(len(seen) // 300, 1)]), axes.get_ylim()[0]),
                   "|", color="#888888", markersize=6)
     return figure

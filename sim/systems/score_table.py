@@ -376,7 +376,9 @@ class SystemModel:
                 middle = self._middle(push.drawn(sources), push.reads)
                 if push.times >= 0:
                     middle = middle * self._middle(sources[push.times], push.times)
-                force[:, :, :, number] = by[..., at[2] + push.rate] * middle[..., None]
+                by_push = (by[..., at[2] + push.rate] if push.rate < s else
+                           by[..., at[5] + push.rate - s] + by[..., at[6] + push.rate - s])
+                force[:, :, :, number] = by_push * middle[..., None]
             elif kind == "effect" and slot in own:
                 force[:, :, :, number] = by[..., at[4] + own.index(slot)]
             elif kind == "effect":
@@ -405,7 +407,7 @@ class SystemModel:
             more = list(more) if hasattr(more, "__len__") else [more]
             ends.append(np.stack([np.broadcast_to(np.asarray(one, dtype=float), shape) for one in more], axis=-1))
         slope = (ends[0] - ends[1]) / (2.0 * size)
-        return np.einsum("rnij,rnj->rni", by_push, 0.5 * (slope[:, :-1] + slope[:, 1:]))
+        return np.asarray(np.einsum("rnij,rnj->rni", by_push, 0.5 * (slope[:, :-1] + slope[:, 1:])))
 
     def _by_program(self, point: SystemPoint, values: Float[Array, "R V"], slots: tuple[int, ...]) -> tuple[
             Array, Array, Array]:
@@ -449,7 +451,7 @@ class SystemModel:
         moving = inputs.shape[2]
         for row in range(len(values)):
             count = int(recording.real[row].sum())
-            given = {name: inputs[row, :count, k] for k, name in enumerate(self.names[:moving])}
+            given: dict[str, Any] = {name: inputs[row, :count, k] for k, name in enumerate(self.names[:moving])}
             given |= {name: float(recording.conditions[row, k]) for k, name in enumerate(self.names[moving:])}
             given["t_s"] = recording.time_s[row, :count] - recording.time_s[row, 0]
             params = {name: float(one.value(place[row, k])) for k, (name, one) in enumerate(system.believed.items())}
@@ -535,7 +537,8 @@ class SystemModel:
         weight = np.stack([one.weight for one in entries], axis=1) if entries else np.zeros((rows, 0))
         linear, bend = np.zeros((rows, len(columns))), np.zeros((rows, len(columns), len(columns)))
         linear[:, own] = left[:, place, -1] * weight
-        bend[np.ix_(range(rows), own, own)] = (left[:, place][:, :, place] * weight[:, :, None] * weight[:, None, :])
+        both = weight[:, :, None] * weight[:, None, :]
+        bend[np.ix_(np.arange(rows), own, own)] = left[:, place][:, :, place] * both
         log = -0.5 * (left[:, -1, -1] + np.linalg.slogdet(inner)[1] + _log_volume(gains, known))
         self._by_noise(point, off - np.einsum("rtos,rs->rto", flown.by_start, start), known, linear, bend)
         layout, p = self.layout, self.layout.first_shared
@@ -776,6 +779,6 @@ def _distortion(kind: str, values: Float[Array, "R T"], recording: Recording, le
 
 
 def _log_volume(gains: Gains, known: Bool[Array, "R T O"]) -> Float[Array, " R"]:
-    return np.where(known, np.log(2.0 * np.pi * gains[1]), 0.0).sum((1, 2))
+    return np.asarray(np.where(known, np.log(2.0 * np.pi * gains[1]), 0.0).sum((1, 2)))
 
 

@@ -223,3 +223,22 @@ def test_real_servo_recordings_are_read() -> None:
         text = file.read()
     assert io.StringIO(text).readline().startswith("run,trajectory")
     assert load_runs is not None
+
+
+@pytest.mark.slow
+def test_traced_rate_gives_the_same_answer() -> None:
+    import jax.numpy as jnp
+
+    def traced(state: Any, inputs: Any, p: Any) -> Any:
+        place, speed = state
+        return speed, (inputs["force_n"] - p.k * place - p.c * jnp.tanh(speed)) / inputs["mass_kg"]
+
+    def plain(state: Any, inputs: Any, p: Any) -> Any:
+        place, speed = state
+        return speed, (inputs["force_n"] - p.k * place - p.c * np.tanh(speed)) / inputs["mass_kg"]
+    runs, answers = runs_of(frame(14, runs=3)), []
+    for law in (traced, plain):
+        model = SystemModel.of(spring(rate=law), runs, rows=1)
+        answers.append(model.fly(model.starts()[0]))
+    assert np.allclose(answers[0].seen, answers[1].seen, atol=1e-9)
+    assert np.allclose(answers[0].slopes, answers[1].slopes, atol=1e-4 * np.abs(answers[1].slopes).max())
