@@ -234,9 +234,8 @@ def make_table(lines: Sequence[Line]) -> str:
     rows = []
     for runs, parameters in sorted({(line["runs"], line["parameters"]) for line in lines}):
         mine = [line for line in lines if (line["runs"], line["parameters"]) == (runs, parameters)]
-        still, listed, off = ([line for line in mine if which(line)] for which in (
-            lambda line: not line["effect"], lambda line: line["listed"],
-            lambda line: line["effect"] and not line["listed"]))
+        still, listed = [line for line in mine if not line["effect"]], [line for line in mine if line["listed"]]
+        off = [line for line in mine if line["effect"] and not line["listed"]]
         found = [line for line in listed if line["verdict"] in ("named", "set")]
         single = [line for line in mine if line["verdict"] == "named"]
         sized = [line for line in listed if line["holds"] is not None]

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
 from truearc.sim.infer.likelihood.score_table import Array, Column
-from truearc.sim.systems.system import Recording, System
+from truearc.sim.systems.system import Recording, SystemSpec
 
 USUAL_PUSH = 0.1                      # of the rms of the believed rate (the design)
 # Chosen: instruments are calibrated to a few per cent; a clip cuts half of what is beyond
@@ -94,7 +94,7 @@ class Candidate:
                       ("is larger", "is smaller"), self.follows, curve=self.curve)
 
 
-def covariates_of(recording: Recording, system: System, names: Sequence[str], inputs: Sequence[str],
+def covariates_of(recording: Recording, system: SystemSpec, names: Sequence[str], inputs: Sequence[str],
                   ) -> dict[str, Float[Array, " R"]]:
     """Return {covariate: values of the rows}: conditions, order of the runs, time of blocks, mean inputs."""
     found = {name: recording.conditions[:, k] for k, name in enumerate(names)}
@@ -139,7 +139,7 @@ class Believed:
     rates: Float[Array, "R T S"]
 
 
-def parameter_candidates(system: System, values: dict[str, Float[Array, " R"]]) -> Iterator[Candidate]:
+def parameter_candidates(system: SystemSpec, values: dict[str, Float[Array, " R"]]) -> Iterator[Candidate]:
     """Every parameter along every covariate, and inside a run."""
     for k, (name, one) in enumerate(system.believed.items()):
         usual = USUAL_CHANGE if one.log else max(USUAL_CHANGE * abs(one.centre), 0.3 * one.sd)
@@ -158,7 +158,7 @@ def parameter_candidates(system: System, values: dict[str, Float[Array, " R"]]) 
             yield Candidate(f"{name}_in_run", f"{name} drifts inside a run", unit, usual, PARAMETER, ("drift", k))
 
 
-def signal_candidates(system: System, recording: Recording, inputs: Sequence[str]) -> Iterator[Candidate]:
+def signal_candidates(system: SystemSpec, recording: Recording, inputs: Sequence[str]) -> Iterator[Candidate]:
     """Scale, offset, delay and clips of every output and input."""
     delay = USUAL_DELAY * float(np.median(recording.step_s[recording.step_s > 0.0]))
     signals = [(OUTPUT, "out", k, name, recording.seen[:, :, k]) for k, name in enumerate(system.outputs)]
@@ -181,10 +181,9 @@ def signal_candidates(system: System, recording: Recording, inputs: Sequence[str
                             ("out_offset", k), kind="free")
 
 
-def push_candidates(system: System, recording: Recording, believed: Believed) -> Iterator[Candidate]:
+def push_candidates(system: SystemSpec, recording: Recording, believed: Believed) -> Iterator[Candidate]:
     """Pushes on every rate that is not itself a state, by every state, input and condition."""
     s, real = len(system.state), recording.real
-    yield from _through_inputs(believed, recording, s)
     kinematic = _kinematic(believed, real, s)
     speeds = sorted(set(kinematic.values())) or [j for j in range(s) if _both_signs(believed.values[j][real])]
     for i in (k for k in range(s) if k not in kinematic):
@@ -210,6 +209,7 @@ def push_candidates(system: System, recording: Recording, believed: Believed) ->
             yield from _curve(i, j, rate, name, believed.values[j][real], size)
         yield Candidate(f"push on {rate}", f"{rate} is pushed", "unit", size, RATE, ("push", 0),
                         push=_table(i, 0, -1, believed.values[0][real], np.ones_like), kind="free", direction=rate)
+    yield from _through_inputs(believed, recording, s)
 
 
 def _through_inputs(believed: Believed, recording: Recording, s: int) -> Iterator[Candidate]:
@@ -285,7 +285,7 @@ def _curve(i: int, j: int, rate: str, name: str, values: Float[Array, " m"], siz
                         direction=rate)
 
 
-def effect_candidates(system: System, usual: Sequence[float]) -> Iterator[Candidate]:
+def effect_candidates(system: SystemSpec, usual: Sequence[float]) -> Iterator[Candidate]:
     """The user's own."""
     for k, one in enumerate(system.effects):
         yield Candidate(one.name, one.name.replace("_", " "), "unit", usual[k], RATE, ("effect", k),

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from truearc.errors import InputError
 from truearc.sim.infer.likelihood.score_table import Array
-from truearc.sim.systems.system import Effect, System, is_traced
+from truearc.sim.systems.system import Effect, SystemSpec
 
 SLOPE = 1e-5                          # share of a number's size by which it is moved for a difference
 MOST_SUBSTEPS = 64
@@ -34,7 +34,7 @@ class Pushes(NamedTuple):
     rate: Int[Array, " A"]
 
 
-def call_rate(system: System, names: Sequence[str], x: Any, u: Any, p: Any) -> list[Any]:
+def call_rate(system: SystemSpec, names: Sequence[str], x: Any, u: Any, p: Any) -> list[Any]:
     """Return the derivatives, one per state.
 
     Raises:
@@ -55,7 +55,7 @@ class Stepper:
     """Steps of a system with A pushes and with effects of the user's own. One vector z holds what slopes are taken by:
     x [S], p [P], a constant push on each rate [S], amplitudes [A], own amplitudes [E], inputs at both ends [2 U]."""
 
-    system: System
+    system: SystemSpec
     names: tuple[str, ...]
     moving: int                       # number of names that are inputs; the others are conditions
     substeps: int
@@ -75,7 +75,7 @@ class Stepper:
             shape = np.shape(x)[1:]
             rates: Array = np.stack([np.broadcast_to(one, shape) for one in size])
             values = [*x, *u, 1.0]
-            for k in np.flatnonzero(pushes.rate < len(size)):
+            for k in np.flatnonzero(pushes.rate < len(size)).tolist():
                 rates[pushes.rate[k]] += (amps[k] * values[pushes.times[k]] * np.interp(
                     values[pushes.reads[k]], pushes.knots[k], pushes.table[k]))
             return rates
@@ -88,7 +88,7 @@ class Stepper:
             added = self._added(xp, x, u, amps, pushes)[s:]
             return [one + added[k] for k, one in enumerate(found)]
         values = [*x, *u, 1.0]
-        for k in np.flatnonzero(pushes.rate >= s):
+        for k in np.flatnonzero(pushes.rate >= s).tolist():
             found[pushes.rate[k] - s] = found[pushes.rate[k] - s] + (amps[k] * values[pushes.times[k]] * np.interp(
                 values[pushes.reads[k]], pushes.knots[k], pushes.table[k]))
         return found
@@ -205,3 +205,23 @@ def carry(phi: Float[Array, "R steps S S"], force: Float[Array, "R steps S K"],
         d = phi[:, n] @ d + force[:, n]
         found[:, n + 1] = d
     return found
+
+
+def is_traced(system: SystemSpec) -> bool:
+    """Return whether JAX can trace the rate function; otherwise it is differenced."""
+    if system.rate is None:
+        return False
+    if "traced" not in system.compiled:
+        import jax
+        try:
+            names = system.compiled["names"]
+            jax.eval_shape(lambda x, u, p: call_rate(system, names, x, u, p), *(
+                jax.ShapeDtypeStruct((count,), float) for count in (len(system.state), len(names),
+                                                                    len(system.believed))))
+            system.compiled["traced"] = True
+        except InputError:
+            raise
+        except Exception as error:     # whatever the user's code does with a tracer
+            system.compiled["traced"] = False
+            system.compiled["why"] = type(error).__name__
+    return bool(system.compiled["traced"])

@@ -23,7 +23,7 @@ from truearc.sim.systems import candidates as what
 from truearc.sim.systems.candidates import Candidate
 from truearc.sim.systems.flight import CLOSE, MOST_SUBSTEPS, Pushes, Stepper, call_rate, carry
 from truearc.sim.systems.noise import Gains, noise_gains, whiten
-from truearc.sim.systems.system import Recording, Runs, System, record
+from truearc.sim.systems.system import Recording, Runs, SystemSpec, record
 
 SLOWEST = 0.1                         # of the longest row: the noise's time constant at most (the design)
 # Chosen: the logs of a noise's sizes are known to a factor of three, its time constant to two
@@ -97,7 +97,7 @@ class SystemModel:
     tell from a candidate, by its name. begin, begin_sd [R, S]: believed starts.
     """
 
-    system: System
+    system: SystemSpec
     recording: Recording
     slots: tuple[Candidate, ...]
     entries: tuple[Entry, ...]
@@ -114,7 +114,7 @@ class SystemModel:
     has_one_top: bool = True
 
     @staticmethod
-    def of(system: System, runs: Runs, rows: int = 0, testing: bool = True, blind: bool = False) -> "SystemModel":
+    def of(system: SystemSpec, runs: Runs, rows: int = 0, testing: bool = True, blind: bool = False) -> "SystemModel":
         """Lay out a system's runs.
 
         rows: wanted, by cutting few runs into blocks; 0: as a test needs. testing: whether candidates are generated.
@@ -710,7 +710,7 @@ class SystemModel:
         return Carrying(model._sharing(range(len(new)), []), [begin])
 
 
-def starts_of(system: System, recording: Recording) -> tuple[Float[Array, "R S"], Float[Array, "R S"]]:
+def starts_of(system: SystemSpec, recording: Recording) -> tuple[Float[Array, "R S"], Float[Array, "R S"]]:
     """Return believed starts and their standard deviations: the first sample where it is observed, else `start`.
 
     Raises:
@@ -734,7 +734,7 @@ def starts_of(system: System, recording: Recording) -> tuple[Float[Array, "R S"]
     return begin, sd
 
 
-def first_noise(system: System, recording: Recording) -> Float[Array, "O 3"]:
+def first_noise(system: SystemSpec, recording: Recording) -> Float[Array, "O 3"]:
     """Return the logs of the noise to begin with: white, slow, time constant."""
     found = np.zeros((len(system.outputs), 3))
     longest = float((recording.time_s - recording.time_s[:, [0]]).max())

@@ -1,5 +1,6 @@
 """Systems of the user's own, against SciPy's integrator and worlds with a concealed effect."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -242,3 +243,19 @@ def test_traced_rate_gives_the_same_answer() -> None:
         answers.append(model.fly(model.starts()[0]))
     assert np.allclose(answers[0].seen, answers[1].seen, atol=1e-9)
     assert np.allclose(answers[0].slopes, answers[1].slopes, atol=1e-4 * np.abs(answers[1].slopes).max())
+
+
+@pytest.mark.slow
+def test_tutorial_finds_its_dry_friction(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                         capsys: pytest.CaptureFixture[str]) -> None:
+    page = Path(__file__).parents[3] / "docs" / "tutorials" / "your-simulator.md"
+    record, system, fit, discover = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_system.py").write_text(system)
+    names: dict[str, Any] = {}
+    for code in (record, fit, discover):
+        exec(code, names)
+    assert names["found"].record.set == ("force_n_sign_v_m_s",)
+    assert capsys.readouterr().out.startswith("parameter")
+    assert main(["discover", "--system", "my_system.py", "runs.csv", "--report", "finding.html"]) == 0
+    assert "dry friction" in (tmp_path / "finding.html").read_text(encoding="utf-8")
