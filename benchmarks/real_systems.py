@@ -2,7 +2,7 @@
 
     python -m benchmarks.real_systems FOLDER --only tanks|servo|one-mass
 
-FOLDER has the shared recordings (docs/measured/systems.md names their sources). The servo's runs are thinned to 20 ms;
+FOLDER has the shared recordings (docs/measured/systems.md names their sources). The servo's runs are thinned to 30 ms;
 every fourth is left out, and forecast from its first sample by the believed simulator and by the adopted one.
 """
 
@@ -18,7 +18,7 @@ import numpy as np
 import truearc as ta
 from benchmarks.options import read_options
 
-THIN = 4                              # of 5 ms
+THIN = 6                              # of 5 ms
 LARGEST_RAD_S = 3400.0 * 2.0 * np.pi / 4096.0     # of the goal, as the servo limits it (the design)
 GAIN = 0.166                          # of kp, as its owners have it (the design)
 TANKS = {"k1": ta.positive(0.05, factor=3), "k2": ta.positive(0.05, factor=3), "k3": ta.positive(0.05, factor=3),
@@ -55,7 +55,7 @@ def tanks(folder: Path) -> list[str]:
 
 
 def servo_frame(folder: Path) -> dict[str, np.ndarray]:
-    """The runs at 20 ms, with the goal limited to its largest velocity."""
+    """The runs at 30 ms, with the goal limited to its largest velocity."""
     table = read(folder / "systems" / "servo_pendulum.csv.gz")
     kept, limited = [], np.zeros(len(table["run"]))
     for run in np.unique(table["run"]):
@@ -67,7 +67,8 @@ def servo_frame(folder: Path) -> dict[str, np.ndarray]:
             limited[row] = goal
         kept.append(rows[::THIN])
     rows = np.concatenate(kept)
-    return {**{name: values[rows] for name, values in table.items()}, "limited_rad": limited[rows]}
+    return {**{name: values[rows] for name, values in table.items()}, "limited_rad": limited[rows],
+            "outside_nm": np.zeros(len(rows))}       # where a missing torque would come in
 
 
 def servo_rate(state: Any, inputs: Any, p: Any) -> Any:
@@ -76,22 +77,30 @@ def servo_rate(state: Any, inputs: Any, p: Any) -> Any:
     duty = np.clip(inputs["kp"] * GAIN * p.ratio * (inputs["limited_rad"] - angle), -0.97, 0.97)
     motor = inputs["torque_on"] * (p.push * inputs["supply_v"] * duty - p.emf * speed)
     weight = inputs["mass_kg"] * 9.81 * inputs["length_m"] * np.sin(angle + p.offset)
-    size = motor - weight - p.dry * np.tanh(speed / 0.05) - p.viscous * speed
+    size = motor + inputs["outside_nm"] - weight - p.dry * np.tanh(speed / 0.05) - p.viscous * speed
     return speed, size / (inputs["mass_kg"] * inputs["length_m"]**2 + p.armature)
 
 
-def servo_system(effects: Any = ()) -> "ta.System":
+def load_friction(state: Any, inputs: Any, a: Any) -> Any:
+    """Friction that grows with the weight's torque on the gearbox (the owners' M3 without the motor's torque)."""
+    angle, speed = state
+    torque = inputs["mass_kg"] * 9.81 * inputs["length_m"] * np.abs(np.sin(angle))
+    return 0.0 * speed, -a * torque * np.tanh(speed / 0.05) / (inputs["mass_kg"] * inputs["length_m"]**2 + 0.01)
+
+
+def servo_system() -> "ta.System":
     return ta.System(
         rate=servo_rate, state=["position_rad", "speed_rad_s"],
         believed={"push": ta.positive(0.15, factor=3), "emf": ta.positive(0.3, factor=3),
                   "ratio": ta.positive(1.0, factor=1.5), "armature": ta.positive(0.01, factor=3),
                   "dry": ta.positive(0.1, factor=3), "viscous": ta.positive(0.05, factor=3),
                   "offset": ta.normal(0.0, sd=0.05)},
-        observe={"position_rad": None, "speed_rad_s": None}, hold="linear", effects=effects)
+        observe={"position_rad": None, "speed_rad_s": None}, hold="linear",
+        effects=[ta.effect("load_friction", load_friction, usual=0.1)])
 
 
 def servo_runs(table: dict[str, np.ndarray]) -> "ta.Runs":
-    return ta.Runs(table, inputs=["limited_rad", "torque_on"],
+    return ta.Runs(table, inputs=["limited_rad", "torque_on", "outside_nm"],
                    conditions=["mass_kg", "length_m", "kp", "supply_v"])
 
 

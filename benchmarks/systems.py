@@ -24,7 +24,7 @@ import truearc as ta
 from benchmarks.worlds import Line, fill_and_tell, read_args
 from truearc.sim.printed import make_text
 
-SAMPLES = 120
+SAMPLES, HELD = 120, 12                # of a run; samples that an input is held for
 Ends = Mapping[str, tuple[float, float]]
 
 
@@ -161,7 +161,7 @@ def table_of(kind: Kind, effect: Effect | None, runs: int, rng: np.random.Genera
     for run in range(runs):
         conditions = {name: float(rng.uniform(*ends)) for name, ends in kind.conditions.items()}
         t = step * np.arange(SAMPLES)
-        inputs = {name: np.repeat(rng.uniform(*ends, SAMPLES // 12), 12) for name, ends in kind.inputs.items()}
+        inputs = {name: np.repeat(rng.uniform(*ends, SAMPLES // HELD), HELD) for name, ends in kind.inputs.items()}
         driven = dict(inputs)
         numbers = dict(kind.true)
         if effect is not None and effect.driven is not None:
@@ -171,16 +171,17 @@ def table_of(kind: Kind, effect: Effect | None, runs: int, rng: np.random.Genera
             numbers = effect.changed(numbers, {**conditions, "run": run, "last": runs - 1}, effect.size)
         x = np.array([rng.uniform(*ends) for ends in kind.begin.values()])
         seen = [x]
-        for k in range(SAMPLES - 1):
+        for k in range(0, SAMPLES, HELD):
             u = {**{name: values[k] for name, values in driven.items()}, **conditions}
 
             def law(s: float, y: np.ndarray, u: Any = u, numbers: Any = numbers) -> list[float]:
                 rate = kind.law(y, u, numbers)
                 more = [0.0] * len(y) if effect is None or effect.rate is None else effect.rate(y, u, effect.size)
                 return [a + b for a, b in zip(rate, more, strict=True)]
-            x = solve_ivp(law, (0.0, step), x, method="DOP853", rtol=1e-7, atol=1e-9).y[:, -1]
-            seen.append(x)
-        clean = dict(zip(kind.state, np.array(seen).T, strict=True))
+            found = solve_ivp(law, (0.0, HELD * step), x, method="DOP853", rtol=1e-7, atol=1e-9, max_step=3 * step,
+                              t_eval=step * np.arange(1, HELD + 1)).y
+            seen, x = [*seen, *found.T], found[:, -1]
+        clean = dict(zip(kind.state, np.array(seen[:SAMPLES]).T, strict=True))
         if effect is not None and effect.seen is not None:
             name, how = effect.seen
             clean[name] = (clean[name] * (1.0 + effect.size) if how == "scale" else
@@ -233,9 +234,8 @@ def make_table(lines: Sequence[Line]) -> str:
     rows = []
     for runs, parameters in sorted({(line["runs"], line["parameters"]) for line in lines}):
         mine = [line for line in lines if (line["runs"], line["parameters"]) == (runs, parameters)]
-        still, listed, off = ([line for line in mine if which(line)] for which in (
-            lambda line: not line["effect"], lambda line: line["listed"],
-            lambda line: line["effect"] and not line["listed"]))
+        still, listed = [line for line in mine if not line["effect"]], [line for line in mine if line["listed"]]
+        off = [line for line in mine if line["effect"] and not line["listed"]]
         found = [line for line in listed if line["verdict"] in ("named", "set")]
         single = [line for line in mine if line["verdict"] == "named"]
         sized = [line for line in listed if line["holds"] is not None]

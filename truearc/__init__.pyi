@@ -29,7 +29,8 @@ from truearc.sim.physics.term import (
     SensingTerm,
     WatchTerm,
 )
-from truearc.sim.systems.system import Runs, System, effect, normal, positive
+from truearc.sim.systems.simulate import System
+from truearc.sim.systems.system import Runs, effect, normal, positive
 
 __all__ = [
     "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "Following",

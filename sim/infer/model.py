@@ -100,7 +100,7 @@ class Tested(Model, Protocol):
         """Return fitted numbers that stopped at the end of their range, by name."""
     def strange(self, scores: ScoreTable, beside: Iterable[str], trackers: bool) -> dict[str, float]:
         """Return the fitted numbers far outside their prior, by name, except those `beside`."""
-    def exchanged(self, name: str, best: "Model", point: Any, start: Any) -> Any:
+    def exchanged(self, name: str, best: Any, point: Any, start: Any) -> Any:
         """Return the point of a fit with another name in `best`, without that name's effect, which is as at `start`."""
     def carrying(self, point: Any, lost: bool, part: "Shapes") -> "Carrying[Self] | None":
         """Return the model with an unexplained change among the shared columns; None if it cannot represent one."""

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
 from truearc.sim.infer.likelihood.score_table import Array, Column
-from truearc.sim.systems.system import Recording, System
+from truearc.sim.systems.system import Recording, SystemSpec
 
 USUAL_PUSH = 0.1                      # of the rms of the believed rate (the design)
 # Chosen: instruments are calibrated to a few per cent; a clip cuts half of what is beyond
@@ -31,7 +31,8 @@ OUTPUT, INPUT, PARAMETER, RATE = "output", "input", "parameter", "rate"
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A push on rate number `rate`: a table over value `reads`, times value `times` (-1: 1)."""
+    """A push on rate number `rate` (from the number of states on: on an input): a table over value `reads`, times value
+    `times` (-1: 1)."""
 
     rate: int
     reads: int
@@ -46,7 +47,7 @@ class Table:
 
     def drawn(self, values: Sequence[Float[Array, "..."]]) -> Float[Array, "..."]:
         """Return the table along values."""
-        return np.interp(values[self.reads], self.knots, self.table)
+        return np.asarray(np.interp(values[self.reads], self.knots, self.table))
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class Candidate:
                       ("is larger", "is smaller"), self.follows, curve=self.curve)
 
 
-def covariates_of(recording: Recording, system: System, names: Sequence[str], inputs: Sequence[str],
+def covariates_of(recording: Recording, system: SystemSpec, names: Sequence[str], inputs: Sequence[str],
                   ) -> dict[str, Float[Array, " R"]]:
     """Return {covariate: values of the rows}: conditions, order of the runs, time of blocks, mean inputs."""
     found = {name: recording.conditions[:, k] for k, name in enumerate(names)}
@@ -138,7 +139,7 @@ class Believed:
     rates: Float[Array, "R T S"]
 
 
-def parameter_candidates(system: System, values: dict[str, Float[Array, " R"]]) -> Iterator[Candidate]:
+def parameter_candidates(system: SystemSpec, values: dict[str, Float[Array, " R"]]) -> Iterator[Candidate]:
     """Every parameter along every covariate, and inside a run."""
     for k, (name, one) in enumerate(system.believed.items()):
         usual = USUAL_CHANGE if one.log else max(USUAL_CHANGE * abs(one.centre), 0.3 * one.sd)
@@ -157,7 +158,7 @@ def parameter_candidates(system: System, values: dict[str, Float[Array, " R"]]) 
             yield Candidate(f"{name}_in_run", f"{name} drifts inside a run", unit, usual, PARAMETER, ("drift", k))
 
 
-def signal_candidates(system: System, recording: Recording, inputs: Sequence[str]) -> Iterator[Candidate]:
+def signal_candidates(system: SystemSpec, recording: Recording, inputs: Sequence[str]) -> Iterator[Candidate]:
     """Scale, offset, delay and clips of every output and input."""
     delay = USUAL_DELAY * float(np.median(recording.step_s[recording.step_s > 0.0]))
     signals = [(OUTPUT, "out", k, name, recording.seen[:, :, k]) for k, name in enumerate(system.outputs)]
@@ -180,7 +181,7 @@ def signal_candidates(system: System, recording: Recording, inputs: Sequence[str
                             ("out_offset", k), kind="free")
 
 
-def push_candidates(system: System, recording: Recording, believed: Believed) -> Iterator[Candidate]:
+def push_candidates(system: SystemSpec, recording: Recording, believed: Believed) -> Iterator[Candidate]:
     """Pushes on every rate that is not itself a state, by every state, input and condition."""
     s, real = len(system.state), recording.real
     kinematic = _kinematic(believed, real, s)
@@ -208,6 +209,28 @@ def push_candidates(system: System, recording: Recording, believed: Believed) ->
             yield from _curve(i, j, rate, name, believed.values[j][real], size)
         yield Candidate(f"push on {rate}", f"{rate} is pushed", "unit", size, RATE, ("push", 0),
                         push=_table(i, 0, -1, believed.values[0][real], np.ones_like), kind="free", direction=rate)
+    yield from _through_inputs(believed, recording, s)
+
+
+def _through_inputs(believed: Believed, recording: Recording, s: int) -> Iterator[Candidate]:
+    """Pushes by each state that come in where an input does: a friction or spring force beside a force. What they do to
+    a rate depends on the run as the input's effect does, such as by its mass."""
+    real = recording.real
+    for k in range(recording.inputs.shape[2]):
+        name, drive = believed.names[s + k], believed.values[s + k][real]
+        size = USUAL_PUSH * (float(np.sqrt(np.mean(drive**2))) or 1.0)
+        for j in range(s):
+            values = believed.values[j][real]
+            if np.ptp(values) <= 1e-9 * (1e-9 + np.abs(values).max()):
+                continue
+            shapes = [one for one in _shapes(believed.names[j], values, True, False, _both_signs(values), True)
+                      if not one[0].startswith(("above", "below"))]
+            for word, label, law in shapes:
+                table = _table(s + k, j, -1, values, law)
+                rms = float(np.sqrt(np.mean(table.of(believed.values)[real]**2)))
+                if rms > 0.0:
+                    yield Candidate(f"{name}_{word}", f"{label}, beside {name}", "unit", size / rms, INPUT, ("push", 0),
+                                    push=table, direction=name)
 
 
 def _by_load(believed: Believed, real: Array, speeds: Sequence[int],
@@ -262,7 +285,7 @@ def _curve(i: int, j: int, rate: str, name: str, values: Float[Array, " m"], siz
                         direction=rate)
 
 
-def effect_candidates(system: System, usual: Sequence[float]) -> Iterator[Candidate]:
+def effect_candidates(system: SystemSpec, usual: Sequence[float]) -> Iterator[Candidate]:
     """The user's own."""
     for k, one in enumerate(system.effects):
         yield Candidate(one.name, one.name.replace("_", " "), "unit", usual[k], RATE, ("effect", k),

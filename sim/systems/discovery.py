@@ -1,13 +1,13 @@
 """Discovery on a system: the engine's tests, names and verdict, and what of them a better simulator takes over."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from msgspec import UNSET
+from msgspec import UNSET, structs
 
 from truearc.errors import InputError
 from truearc.sim.discover import finding as parts
@@ -26,8 +26,9 @@ from truearc.sim.printed import Progress, part_of
 from truearc.sim.statistics import Z90
 from truearc.sim.systems import candidates as what
 from truearc.sim.systems.candidates import Along, Candidate, Table
+from truearc.sim.systems.flight import is_traced
 from truearc.sim.systems.score_table import SystemModel
-from truearc.sim.systems.system import Believed, Runs, System, is_traced
+from truearc.sim.systems.system import Believed, Runs, SystemSpec
 
 ONE_NAME = 0.98                       # correlation of scores above which candidates are one name (the design)
 FEWEST_ROWS = 8                       # that signs of a test need, as for shots
@@ -42,7 +43,7 @@ SystemFitted = Fit[Any]
 class SystemInvestigation:
     """A finding with the fits behind it. more: the fit with everything that is adopted; None if nothing is."""
 
-    system: System
+    system: SystemSpec
     runs: Runs
     finding: FindingRecord
     fitted: SystemFitted | None = None
@@ -65,7 +66,7 @@ class SystemInvestigation:
             return "forecasts of runs left out are worse with it (90 % interval)"
         return ""
 
-    def adopt(self) -> System:
+    def adopt(self) -> SystemSpec:
         """Return the system with fitted numbers and, unless refused, with the missing part in it.
 
         Raises:
@@ -77,7 +78,7 @@ class SystemInvestigation:
         return system_of(taken)
 
 
-def system_of(fitted: SystemFitted) -> System:
+def system_of(fitted: SystemFitted) -> SystemSpec:
     """Return the system with what a fit found as its beliefs."""
     model: SystemModel = fitted.model
     scores, system = fitted.scores, model.system
@@ -133,7 +134,7 @@ def _smoothness(values: Float[Array, " R"], curve: Float[Array, " R"]) -> float:
     return -float(np.abs(np.diff(curve[np.argsort(values, kind="stable")])).sum())
 
 
-def fit_system(system: System, runs: Runs, progress: Progress = lambda done, note: None) -> SystemFitted:
+def fit_system(system: SystemSpec, runs: Runs, progress: Progress = lambda done, note: None) -> SystemFitted:
     """Fit the believed simulation alone."""
     model = SystemModel.of(system, runs, testing=False)
     return fit_believed(model.shared_only(), progress)
@@ -162,10 +163,11 @@ def one_name_each(fitted: SystemFitted) -> SystemFitted:
     return replace(fitted, model=replace(model, layout=layout, members=members), scores=fitted.scores.pick(columns))
 
 
-def investigate(system: System, runs: Runs, false_alarm: float = parts.FALSE_ALARM, seed: int = 0,
+def investigate(system: SystemSpec, runs: Runs, say: Callable[["SystemInvestigation"], str],
+                false_alarm: float = parts.FALSE_ALARM, seed: int = 0,
                 progress: Progress = lambda done, note: None) -> SystemInvestigation:
-    """Fit, test, locate and name, as `truearc.sim.discover.investigate.discover` does for a launcher."""
-    from truearc.sim.systems import report
+    """Fit, test, locate and name, as `truearc.sim.discover.investigate.discover` does for a launcher; `say` words it.
+    """
     model = SystemModel.of(system, runs)
     rows = len(model.recording.run)
     if rows < FEWEST_ROWS:
@@ -190,13 +192,7 @@ def investigate(system: System, runs: Runs, false_alarm: float = parts.FALSE_ALA
     finding = _record(fitted, asked, judged, place, steps, more, false_alarm)
     progress(1.0, "done")
     found = SystemInvestigation(system, runs, finding, fitted, steps, more, sight)
-    return replace(found, finding=replace_sentence(finding, report.sentence(found)))
-
-
-def replace_sentence(finding: FindingRecord, sentence: str) -> FindingRecord:
-    """Return the record with its sentence."""
-    from msgspec import structs
-    return structs.replace(finding, sentence=sentence)
+    return replace(found, finding=structs.replace(finding, sentence=say(found)))
 
 
 def _with_everything(steps: Sequence[Step]) -> SystemFitted | None:
@@ -356,7 +352,8 @@ def plan(step: Step) -> tuple[dict[str, Any], ...]:
     names = tuple(name for name in step.chosen if name in step.naming.refits)
     if step.unknown or len(names) < 2:
         return ()
-    model: SystemModel = step.fitted.model
+    fitted: SystemFitted = step.fitted
+    model: SystemModel = fitted.model
     contest = contest_of(step, names)
     recording, found = model.recording, []
     moving = recording.inputs.shape[2]
@@ -412,16 +409,17 @@ class Intervals:
         covariance, score = bare.scores.covariance, bare.scores.score
         spread = covariance @ (score.T @ score) @ covariance
         sd = np.sqrt(np.maximum(np.diag(covariance), np.diag(spread)))
-        rows = [(column.name, *(model.shown(column.name, float(at + side * Z90 * size)) for side in (0.0, -1.0, 1.0)))
+        ends = [(column.name, float(at), Z90 * float(size))
                 for column, at, size in zip(bare.scores.columns, bare.scores.point, sd, strict=True)]
-        return Intervals(fitted, tuple(rows))
+        return Intervals(fitted, tuple((name, model.shown(name, at), model.shown(name, at - reach),
+                                        model.shown(name, at + reach)) for name, at, reach in ends))
 
     @cached_property
     def errors(self) -> dict[str, float]:
         return forecast_errors(self.fitted)
 
 
-def foresee(system: System, runs: Runs) -> tuple[Sight, SystemModel]:
+def foresee(system: SystemSpec, runs: Runs) -> tuple[Sight, SystemModel]:
     """Return what runs with these inputs could show, before any output is measured; and the model behind it."""
     if any(sd is None and name not in runs.columns for name, sd in system.outputs.items()):
         raise InputError("identifiability: state the noise of each output in observe={...}: it cannot be fitted before "

@@ -1,7 +1,8 @@
 """Integration of a rate function with pushes added to it, and the slopes of single steps.
 
-A push is amplitude x table(value) x other value, added to one rate; the table is read between its knots, so that all
-pushes share compiled code. States come first in every array: x [S, ...], inputs and conditions u [U, ...].
+A push is amplitude x table(value) x other value, added to one rate or, as a force is, to one input. The table is read
+between its knots, so that all pushes share compiled code. States come first in every array: x [S, ...], inputs and
+conditions u [U, ...].
 """
 
 from collections.abc import Callable, Sequence
@@ -13,7 +14,7 @@ from jaxtyping import Float, Int
 
 from truearc.errors import InputError
 from truearc.sim.infer.likelihood.score_table import Array
-from truearc.sim.systems.system import Effect, System, is_traced
+from truearc.sim.systems.system import Effect, SystemSpec
 
 SLOPE = 1e-5                          # share of a number's size by which it is moved for a difference
 MOST_SUBSTEPS = 64
@@ -21,9 +22,9 @@ CLOSE = 0.02                          # noise, or thousandths of the range, with
 
 
 class Pushes(NamedTuple):
-    """A pushes: knots and tables [A, G]; which value each reads, which multiplies it, which rate it is added to [A].
+    """A pushes: knots and tables [A, G]; which value each reads, which multiplies it, what it is added to [A].
 
-    Values are states, inputs, conditions, then 1.
+    Values are states, inputs, conditions, then 1. It is added to a rate, numbered as its state, or to an input.
     """
 
     knots: Float[Array, "A G"]
@@ -33,7 +34,7 @@ class Pushes(NamedTuple):
     rate: Int[Array, " A"]
 
 
-def call_rate(system: System, names: Sequence[str], x: Any, u: Any, p: Any) -> list[Any]:
+def call_rate(system: SystemSpec, names: Sequence[str], x: Any, u: Any, p: Any) -> list[Any]:
     """Return the derivatives, one per state.
 
     Raises:
@@ -54,14 +55,14 @@ class Stepper:
     """Steps of a system with A pushes and with effects of the user's own. One vector z holds what slopes are taken by:
     x [S], p [P], a constant push on each rate [S], amplitudes [A], own amplitudes [E], inputs at both ends [2 U]."""
 
-    system: System
+    system: SystemSpec
     names: tuple[str, ...]
     moving: int                       # number of names that are inputs; the others are conditions
     substeps: int
     own: tuple[Effect, ...]
 
     def rates(self, xp: Any, x: Any, u: Any, p: Any, push: Any, amps: Any, own: Any, pushes: Any) -> Any:
-        found = call_rate(self.system, self.names, x, u, p)
+        found = call_rate(self.system, self.names, x, self._pushed(xp, x, u, amps, pushes), p)
         size = [xp.asarray(one) + push[k] for k, one in enumerate(found)]
         for k, effect in enumerate(self.own):
             more = effect.push(tuple(x), dict(zip(self.names, u, strict=True)), own[k])
@@ -74,14 +75,30 @@ class Stepper:
             shape = np.shape(x)[1:]
             rates: Array = np.stack([np.broadcast_to(one, shape) for one in size])
             values = [*x, *u, 1.0]
-            for k in range(len(amps)):
+            for k in np.flatnonzero(pushes.rate < len(size)).tolist():
                 rates[pushes.rate[k]] += (amps[k] * values[pushes.times[k]] * np.interp(
                     values[pushes.reads[k]], pushes.knots[k], pushes.table[k]))
             return rates
+        return self._added(xp, x, u, amps, pushes)[:len(size)] + xp.stack(size)
+
+    def _pushed(self, xp: Any, x: Any, u: Any, amps: Any, pushes: Any) -> list[Any]:
+        """Inputs and conditions with the pushes that are added to them."""
+        s, found = len(self.system.state), list(u)
+        if xp is not np:
+            added = self._added(xp, x, u, amps, pushes)[s:]
+            return [one + added[k] for k, one in enumerate(found)]
+        values = [*x, *u, 1.0]
+        for k in np.flatnonzero(pushes.rate >= s).tolist():
+            found[pushes.rate[k] - s] = found[pushes.rate[k] - s] + (amps[k] * values[pushes.times[k]] * np.interp(
+                values[pushes.reads[k]], pushes.knots[k], pushes.table[k]))
+        return found
+
+    def _added(self, xp: Any, x: Any, u: Any, amps: Any, pushes: Any) -> Any:
+        """What is added to each rate, then to each input and condition, in JAX."""
         import jax
-        values = xp.concatenate([xp.asarray(x), xp.asarray(u), xp.ones(1)])
+        values = xp.concatenate([xp.asarray(x), xp.stack(list(u)) if len(u) else xp.zeros(0), xp.ones(1)])
         drawn = jax.vmap(xp.interp)(values[pushes.reads], pushes.knots, pushes.table) * values[pushes.times]
-        return xp.zeros(len(size)).at[pushes.rate].add(amps * drawn) + xp.stack(size)
+        return xp.zeros(len(values) - 1).at[pushes.rate].add(amps * drawn)
 
     def step(self, xp: Any, z: Any, fixed: Any, h: Any, pushes: Any) -> Any:
         """Return x one time step h later; fixed: conditions."""
@@ -188,3 +205,23 @@ def carry(phi: Float[Array, "R steps S S"], force: Float[Array, "R steps S K"],
         d = phi[:, n] @ d + force[:, n]
         found[:, n + 1] = d
     return found
+
+
+def is_traced(system: SystemSpec) -> bool:
+    """Return whether JAX can trace the rate function; otherwise it is differenced."""
+    if system.rate is None:
+        return False
+    if "traced" not in system.compiled:
+        import jax
+        try:
+            names = system.compiled["names"]
+            jax.eval_shape(lambda x, u, p: call_rate(system, names, x, u, p), *(
+                jax.ShapeDtypeStruct((count,), float) for count in (len(system.state), len(names),
+                                                                    len(system.believed))))
+            system.compiled["traced"] = True
+        except InputError:
+            raise
+        except Exception as error:     # whatever the user's code does with a tracer
+            system.compiled["traced"] = False
+            system.compiled["why"] = type(error).__name__
+    return bool(system.compiled["traced"])

@@ -25,7 +25,7 @@ from truearc.sim.systems.discovery import (
     inseparable,
 )
 from truearc.sim.systems.score_table import SystemModel
-from truearc.sim.systems.system import System
+from truearc.sim.systems.system import SystemSpec
 
 SHOWN = 6                             # candidates that a sentence lists; chosen: a line
 CURVE = 200                           # points of a picture's curve
@@ -192,10 +192,10 @@ def page(name: str, found: SystemInvestigation, origin: Origin = NO_ORIGIN) -> s
     return make_page(name, finding.sentence, sections, origin)
 
 
-def source_of(system: System) -> str:
+def source_of(system: SystemSpec) -> str:
     """Return the text of the simulator; "" if there is none."""
     try:
-        return inspect.getsource(system.rate or system.simulate_run or System)
+        return inspect.getsource(system.rate or system.simulate_run or SystemSpec)
     except (OSError, TypeError):
         return ""
 
@@ -243,13 +243,14 @@ def curve_figure(found: SystemInvestigation) -> Figure | None:
     for axes, (one, prior) in zip(panels, pushes, strict=True):
         assert one.push is not None
         seen = values[one.push.reads][model.recording.real]
-        grid = np.linspace(*np.percentile(seen, [1.0, 99.0]), CURVE)
+        low, high = np.percentile(seen, [1.0, 99.0]).tolist()
+        grid = np.linspace(low, high, CURVE)
         height = prior.centre * np.interp(grid, one.push.knots, one.push.table)
         axes.plot(grid, height, color="#1b7f3b")
         axes.axhline(0.0, color="#bbbbbb", linewidth=0.8)
         names: Sequence[str] = [*model.system.state, *model.names]
         axes.set_xlabel(names[one.push.reads])
-        axes.set_ylabel(f"push on {model.system.state[one.push.rate]}")
+        axes.set_ylabel(f"push on {names[one.push.rate]}")
         axes.plot(seen[::max(len(seen) // 300, 1)], np.full(len(seen[::max(len(seen) // 300, 1)]), axes.get_ylim()[0]),
                   "|", color="#888888", markersize=6)
     return figure

@@ -23,7 +23,7 @@ from truearc.sim.systems import candidates as what
 from truearc.sim.systems.candidates import Candidate
 from truearc.sim.systems.flight import CLOSE, MOST_SUBSTEPS, Pushes, Stepper, call_rate, carry
 from truearc.sim.systems.noise import Gains, noise_gains, whiten
-from truearc.sim.systems.system import Recording, Runs, System, record
+from truearc.sim.systems.system import Recording, Runs, SystemSpec, record
 
 SLOWEST = 0.1                         # of the longest row: the noise's time constant at most (the design)
 # Chosen: the logs of a noise's sizes are known to a factor of three, its time constant to two
@@ -97,7 +97,7 @@ class SystemModel:
     tell from a candidate, by its name. begin, begin_sd [R, S]: believed starts.
     """
 
-    system: System
+    system: SystemSpec
     recording: Recording
     slots: tuple[Candidate, ...]
     entries: tuple[Entry, ...]
@@ -114,7 +114,7 @@ class SystemModel:
     has_one_top: bool = True
 
     @staticmethod
-    def of(system: System, runs: Runs, rows: int = 0, testing: bool = True, blind: bool = False) -> "SystemModel":
+    def of(system: SystemSpec, runs: Runs, rows: int = 0, testing: bool = True, blind: bool = False) -> "SystemModel":
         """Lay out a system's runs.
 
         rows: wanted, by cutting few runs into blocks; 0: as a test needs. testing: whether candidates are generated.
@@ -376,7 +376,9 @@ class SystemModel:
                 middle = self._middle(push.drawn(sources), push.reads)
                 if push.times >= 0:
                     middle = middle * self._middle(sources[push.times], push.times)
-                force[:, :, :, number] = by[..., at[2] + push.rate] * middle[..., None]
+                by_push = (by[..., at[2] + push.rate] if push.rate < s else
+                           by[..., at[5] + push.rate - s] + by[..., at[6] + push.rate - s])
+                force[:, :, :, number] = by_push * middle[..., None]
             elif kind == "effect" and slot in own:
                 force[:, :, :, number] = by[..., at[4] + own.index(slot)]
             elif kind == "effect":
@@ -405,7 +407,7 @@ class SystemModel:
             more = list(more) if hasattr(more, "__len__") else [more]
             ends.append(np.stack([np.broadcast_to(np.asarray(one, dtype=float), shape) for one in more], axis=-1))
         slope = (ends[0] - ends[1]) / (2.0 * size)
-        return np.einsum("rnij,rnj->rni", by_push, 0.5 * (slope[:, :-1] + slope[:, 1:]))
+        return np.asarray(np.einsum("rnij,rnj->rni", by_push, 0.5 * (slope[:, :-1] + slope[:, 1:])))
 
     def _by_program(self, point: SystemPoint, values: Float[Array, "R V"], slots: tuple[int, ...]) -> tuple[
             Array, Array, Array]:
@@ -449,7 +451,7 @@ class SystemModel:
         moving = inputs.shape[2]
         for row in range(len(values)):
             count = int(recording.real[row].sum())
-            given = {name: inputs[row, :count, k] for k, name in enumerate(self.names[:moving])}
+            given: dict[str, Any] = {name: inputs[row, :count, k] for k, name in enumerate(self.names[:moving])}
             given |= {name: float(recording.conditions[row, k]) for k, name in enumerate(self.names[moving:])}
             given["t_s"] = recording.time_s[row, :count] - recording.time_s[row, 0]
             params = {name: float(one.value(place[row, k])) for k, (name, one) in enumerate(system.believed.items())}
@@ -535,7 +537,8 @@ class SystemModel:
         weight = np.stack([one.weight for one in entries], axis=1) if entries else np.zeros((rows, 0))
         linear, bend = np.zeros((rows, len(columns))), np.zeros((rows, len(columns), len(columns)))
         linear[:, own] = left[:, place, -1] * weight
-        bend[np.ix_(range(rows), own, own)] = (left[:, place][:, :, place] * weight[:, :, None] * weight[:, None, :])
+        both = weight[:, :, None] * weight[:, None, :]
+        bend[np.ix_(np.arange(rows), own, own)] = left[:, place][:, :, place] * both
         log = -0.5 * (left[:, -1, -1] + np.linalg.slogdet(inner)[1] + _log_volume(gains, known))
         self._by_noise(point, off - np.einsum("rtos,rs->rto", flown.by_start, start), known, linear, bend)
         layout, p = self.layout, self.layout.first_shared
@@ -707,7 +710,7 @@ class SystemModel:
         return Carrying(model._sharing(range(len(new)), []), [begin])
 
 
-def starts_of(system: System, recording: Recording) -> tuple[Float[Array, "R S"], Float[Array, "R S"]]:
+def starts_of(system: SystemSpec, recording: Recording) -> tuple[Float[Array, "R S"], Float[Array, "R S"]]:
     """Return believed starts and their standard deviations: the first sample where it is observed, else `start`.
 
     Raises:
@@ -731,7 +734,7 @@ def starts_of(system: System, recording: Recording) -> tuple[Float[Array, "R S"]
     return begin, sd
 
 
-def first_noise(system: System, recording: Recording) -> Float[Array, "O 3"]:
+def first_noise(system: SystemSpec, recording: Recording) -> Float[Array, "O 3"]:
     """Return the logs of the noise to begin with: white, slow, time constant."""
     found = np.zeros((len(system.outputs), 3))
     longest = float((recording.time_s - recording.time_s[:, [0]]).max())
@@ -776,6 +779,6 @@ def _distortion(kind: str, values: Float[Array, "R T"], recording: Recording, le
 
 
 def _log_volume(gains: Gains, known: Bool[Array, "R T O"]) -> Float[Array, " R"]:
-    return np.where(known, np.log(2.0 * np.pi * gains[1]), 0.0).sum((1, 2))
+    return np.asarray(np.where(known, np.log(2.0 * np.pi * gains[1]), 0.0).sum((1, 2)))
 
 

@@ -1,4 +1,4 @@
-"""A lab's own simulator (System), its recordings (Runs), and both laid out for a fit (Recording).
+"""A lab's own simulator (SystemSpec), its recordings (Runs), and both laid out for a fit (Recording).
 
 A simulator is a rate function, which truearc integrates by the classical Runge-Kutta method, or a closed program that
 returns whole runs. Units are the user's own; names should end with theirs.
@@ -7,16 +7,13 @@ returns whole runs. Units are the user's own; names should end with theirs.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from truearc.errors import InputError
 from truearc.sim.infer.likelihood.score_table import Array
-
-if TYPE_CHECKING:
-    from truearc.sim.systems.candidates import Candidate
 
 HOLDS = ("zero", "linear")
 # Chosen: signs of 24 rows leave a p-value of 5 % of one in a hundred tests; blocks shorter than 40 samples hold little
@@ -101,8 +98,8 @@ def effect(name: str, push: Callable[..., Any], *, usual: float | None = None) -
 
 
 @dataclass(frozen=True, eq=False)
-class System:
-    """A simulator with what is believed of it.
+class SystemSpec:
+    """A simulator with what is believed of it; `found`: effects that were found missing, with what is known of them.
 
     Args:
         rate: Function of state, inputs and parameters that returns the derivative of each state. Written with
@@ -124,7 +121,7 @@ class System:
     simulate_run: Callable[..., Any] | None = None
     start: Mapping[str, Believed] = field(default_factory=dict)
     effects: Sequence[Effect] = ()
-    found: tuple[tuple["Candidate", Believed], ...] = ()
+    found: tuple[tuple[Any, Believed], ...] = ()
     compiled: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def __init__(self, rate: Callable[..., Any] | None = None, *, simulate: Callable[..., Any] | None = None,
@@ -174,31 +171,15 @@ class System:
         return tuple(self.state) or tuple(self.outputs)
 
     def with_beliefs(self, believed: Mapping[str, Believed],
-                     found: tuple[tuple["Candidate", Believed], ...] | None = None) -> "System":
+                     found: tuple[tuple[Any, Believed], ...] | None = None) -> "SystemSpec":
         """Return the system with other beliefs, and with these effects in it."""
-        new = object.__new__(System)
+        new = object.__new__(type(self))
         for name, value in vars(self).items():
             object.__setattr__(new, name, value)
         object.__setattr__(new, "believed", {**self.believed, **believed})
         if found is not None:
             object.__setattr__(new, "found", found)
         return new
-
-    def simulate(self, runs: "Runs") -> dict[str, Float[Array, " rows"]]:
-        """Simulate each run with the parameters as believed, from its first sample.
-
-        Returns:
-            {output: values}, in the order of the rows of `runs`.
-        """
-        from truearc.sim.systems.score_table import SystemModel
-        model = SystemModel.of(self, runs, rows=1, testing=False)
-        seen, recording = model.flights(model.starts()[0]), model.recording
-        found = {name: np.full(runs.rows, np.nan) for name in self.outputs}
-        for row in range(len(recording.run)):
-            there = recording.real[row]
-            for k, name in enumerate(self.outputs):
-                found[name][recording.place[row][there]] = seen[row, there, k]
-        return found
 
     def parameters(self, values: Sequence[Any]) -> Any:
         """Return the parameters as the rate function takes them."""
@@ -337,7 +318,7 @@ class Recording:
         return replace(self, **each, labels=tuple(self.labels[k] for k in rows))
 
 
-def record(system: System, runs: Runs, wanted: int = ROWS, blind: bool = False) -> Recording:
+def record(system: SystemSpec, runs: Runs, wanted: int = ROWS, blind: bool = False) -> Recording:
     """Lay out runs as rows: gaps end a row, and few runs are cut into blocks until there are `wanted` rows.
 
     blind: outputs need not be there.
@@ -379,25 +360,3 @@ def record(system: System, runs: Runs, wanted: int = ROWS, blind: bool = False) 
         np.where(real[:, :, None], np.stack([one[place] for one in seen], axis=2), np.nan),
         np.array([k for k, _ in pieces]), time[place[:, 0]] - time[first],
         tuple(runs.labels[k] for k, _ in pieces), tuple(notes))
-
-
-def is_traced(system: System) -> bool:
-    """Return whether JAX can trace the rate function; otherwise it is differenced."""
-    if system.rate is None:
-        return False
-    if "traced" not in system.compiled:
-        import jax
-
-        from truearc.sim.systems import flight
-        try:
-            names = system.compiled["names"]
-            jax.eval_shape(lambda x, u, p: flight.call_rate(system, names, x, u, p), *(
-                jax.ShapeDtypeStruct((count,), float) for count in (len(system.state), len(names),
-                                                                    len(system.believed))))
-            system.compiled["traced"] = True
-        except InputError:
-            raise
-        except Exception as error:     # whatever the user's code does with a tracer
-            system.compiled["traced"] = False
-            system.compiled["why"] = type(error).__name__
-    return bool(system.compiled["traced"])

@@ -80,6 +80,7 @@ ELSEWHERE = {
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
     r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"
                                                                 "test_round.py solves one without its keeper",
+    r"^truearc discover --system": "needs the files of its page; tests/sim/systems runs the tutorial",
     r"^truearc discover (examples/tracks|my_tracks)": "tests/sim/discover/test_tutorial_tracks.py asks it",
     r"^truearc (discover (mpi|drops|falls|bb|two-weeks|new-and-old)|fit (mpi|bb))":
         "takes long; test_real.py, test_spin_vector.py, test_import_ball_drops.py ask it"}

@@ -14,7 +14,8 @@ from truearc.sim.report import Origin
 from truearc.sim.systems import discovery, report
 from truearc.sim.systems.discovery import Intervals, SystemFitted, SystemInvestigation
 from truearc.sim.systems.score_table import SystemModel
-from truearc.sim.systems.system import Runs, System
+from truearc.sim.systems.simulate import System
+from truearc.sim.systems.system import Runs
 
 IN_PYTHON = "made in Python"          # in place of a command line
 FIT_COLUMNS = ("parameter", "value", "low90", "high90")
@@ -35,7 +36,9 @@ class SystemFit(Printed):
     @cached_property
     def system(self) -> System:
         """The system with the fitted parameters and their uncertainty as its beliefs."""
-        return discovery.system_of(self.fitted)
+        system = discovery.system_of(self.fitted)
+        assert isinstance(system, System)
+        return system
 
     @cached_property
     def intervals(self) -> Intervals:
@@ -79,7 +82,9 @@ class SystemFinding(FindingReport):
         Raises:
             InputError: the runs carry no test, so nothing was fitted.
         """
-        return self.investigation.adopt()
+        system = self.investigation.adopt()
+        assert isinstance(system, System)
+        return system
 
     def lines(self) -> list[str]:
         """Return the report: a sentence with the verdict, followed by a few lines."""
@@ -127,7 +132,8 @@ def discover_system(system: System, runs: Runs | None, seed: int, false_alarm: f
                     progress: Progress) -> SystemFinding:
     """Test a system's structure with runs."""
     settings.check_chances(false_alarm, seed)
-    return SystemFinding(discovery.investigate(system, runs_of(runs, "discover"), false_alarm, seed, progress))
+    return SystemFinding(discovery.investigate(system, runs_of(runs, "discover"), report.sentence, false_alarm, seed,
+                                               progress))
 
 
 def foresee_system(system: System, runs: Runs | None) -> SystemIdentifiability:

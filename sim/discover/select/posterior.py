@@ -27,9 +27,8 @@ from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
 from truearc.sim.discover.select import terms
 from truearc.sim.infer.fit import Fit, amplitudes, climb
 from truearc.sim.infer.launcher import CURVE_POINTS, LauncherFit
-from truearc.sim.infer.likelihood.layout import Layout
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable, fit_linear
-from truearc.sim.infer.model import AnyModel, Carrying
+from truearc.sim.infer.model import AnyModel, Carrying, Columns
 from truearc.sim.statistics import Z90, invert
 
 # Chosen: a bump in a part of the range, a bend, a slope
@@ -530,7 +529,8 @@ def _sized(base: LauncherFit, names: tuple[str, ...], parts: Sequence[Part]) -> 
         base.model.layout, names, (table.point + change)[own:], covariance[own:, own:]))
 
 
-def _sizes(layout: Layout, names: tuple[str, ...], point: Float[Array, " p"], covariance: Float[Array, "p p"]) -> Sizes:
+def _sizes(layout: Columns, names: tuple[str, ...], point: Float[Array, " p"],
+           covariance: Float[Array, "p p"]) -> Sizes:
     return tuple(map(terms.Size, *(one.tolist() for one in amplitudes(layout, names, point, covariance))))
 
 

@@ -22,7 +22,7 @@ from truearc.sim.discover.decide import (
 from truearc.sim.discover.select.terms import NEVER, Naming, is_possible, name_terms, nats_for, one_step
 from truearc.sim.infer.fit import Fit
 from truearc.sim.infer.launcher import LauncherFit
-from truearc.sim.physics.catalogue import BUILT_IN
+from truearc.sim.physics.catalogue import BUILT_IN, find_parameter
 
 PLANTED = "spin_drag.share"
 
@@ -112,11 +112,13 @@ def test_a_name_beyond_what_its_term_allows_loses() -> None:
 
 
 def test_amplitudes_of_the_wrong_sign_are_impossible_only_beyond_doubt() -> None:
+    one = find_parameter("wheel_slip.loss_per_m_s", BUILT_IN)
+
     def found(value: float, wanted: float | None = None) -> LauncherFit:
         amplitude = np.array([value])
         return stand_in(Fit, names=("wheel_slip.loss_per_m_s",), amplitude=amplitude, value=amplitude,
                         wanted=amplitude if wanted is None else np.array([wanted]), sd=np.array([0.002]),
-                        model=SimpleNamespace(catalogue=BUILT_IN))
+                        model=SimpleNamespace(range_of=lambda name: (one.low, one.high)))
 
     assert is_possible(found(0.01), 0.015) and is_possible(found(-0.003), 0.015)
     assert not is_possible(found(-0.006), 0.015)

@@ -55,7 +55,7 @@ def test_evidence_of_parts_is_that_of_linear_regression(fitted: LauncherFit) -> 
     evidence = fitted.scores
     ones, null = np.ones((len(evidence.rows), 1)), post.log_evidence(evidence.shared_only())[0]
     for names in [(ASKED[0],), (ASKED[2], ASKED[9]), (ASKED[7], ASKED[2], ASKED[5])]:
-        parts = [post.Part(evidence.index(name), ones, np.ones(1)) for name in names]
+        parts = [post.Part.of(evidence.index(name), ones, np.ones(1)) for name in names]
         nats, change, _ = post.log_evidence(post.with_parts(evidence, parts))
         assert nats - null == pytest.approx(exact_nats(fitted, names), abs=1e-3)
         assert len(change) == len(names) + len(evidence.columns) - evidence.first_shared
@@ -211,7 +211,7 @@ def fit_drifting(drift: float) -> tuple[LauncherFit, post.Part]:
     intake = take_in(dataset)
     fitted = fit_believed(Launcher(intake, lay_out(intake, BELIEVED)))
     shapes = post.process_shapes(dataset.shots.number("t_s")[intake.rows], 1.0)
-    return fitted, post.Part(fitted.scores.index("launch speed"), shapes, np.full(shapes.shape[1], 0.03))
+    return fitted, post.Part.of(fitted.scores.index("launch speed"), shapes, np.full(shapes.shape[1], 0.03))
 
 
 @pytest.mark.slow

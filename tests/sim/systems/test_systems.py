@@ -1,5 +1,6 @@
 """Systems of the user's own, against SciPy's integrator and worlds with a concealed effect."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -223,3 +224,38 @@ def test_real_servo_recordings_are_read() -> None:
         text = file.read()
     assert io.StringIO(text).readline().startswith("run,trajectory")
     assert load_runs is not None
+
+
+@pytest.mark.slow
+def test_traced_rate_gives_the_same_answer() -> None:
+    import jax.numpy as jnp
+
+    def traced(state: Any, inputs: Any, p: Any) -> Any:
+        place, speed = state
+        return speed, (inputs["force_n"] - p.k * place - p.c * jnp.tanh(speed)) / inputs["mass_kg"]
+
+    def plain(state: Any, inputs: Any, p: Any) -> Any:
+        place, speed = state
+        return speed, (inputs["force_n"] - p.k * place - p.c * np.tanh(speed)) / inputs["mass_kg"]
+    runs, answers = runs_of(frame(14, runs=3)), []
+    for law in (traced, plain):
+        model = SystemModel.of(spring(rate=law), runs, rows=1)
+        answers.append(model.fly(model.starts()[0]))
+    assert np.allclose(answers[0].seen, answers[1].seen, atol=1e-9)
+    assert np.allclose(answers[0].slopes, answers[1].slopes, atol=1e-4 * np.abs(answers[1].slopes).max())
+
+
+@pytest.mark.slow
+def test_tutorial_finds_its_dry_friction(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                         capsys: pytest.CaptureFixture[str]) -> None:
+    page = Path(__file__).parents[3] / "docs" / "tutorials" / "your-simulator.md"
+    record, system, fit, discover = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_system.py").write_text(system)
+    names: dict[str, Any] = {}
+    for code in (record, fit, discover):
+        exec(code, names)
+    assert names["found"].record.set == ("force_n_sign_v_m_s",)
+    assert capsys.readouterr().out.startswith("parameter")
+    assert main(["discover", "--system", "my_system.py", "runs.csv", "--report", "finding.html"]) == 0
+    assert "dry friction" in (tmp_path / "finding.html").read_text(encoding="utf-8")
