@@ -363,14 +363,15 @@ def _draw_worth(acts: Acts) -> Figure:
 
 def _draw_marks(act: Act) -> Figure:
     figure, (axes,) = new_panels(PHONE_IN, 3.8)
-    shots = act.shots.shots
+    shots, target = act.shots.shots, act.shots.rig.target
+    word = str if target is None else target.word
     marks = list(zip(shots.text("outcome"), shots.text("side"), strict=True))
     for mark, marker in MARKS.items():
         rows = [row for row, one in enumerate(marks) if one == mark]
         if not rows:
             continue
         axes.scatter(shots.number("distance_m")[rows], shots.number("hood_deg")[rows], color=COLOURS[mark[0]],
-                     marker=marker, label=f"{' '.join(filter(None, mark))}: {len(rows)}")
+                     marker=marker, label=f"{' '.join(filter(None, (word(mark[0]), mark[1])))}: {len(rows)}")
     axes.set(xlabel="distance, m", ylabel="hood, deg")
     axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure
