@@ -193,21 +193,26 @@ def _arrive(rig: Rig, at: Values, exit: Exit, distance_m: Any, values: Values, a
         plane.height_m, plane.side_m, plane.flown_s if timed else 0.0, -jnp.arctan(plane.climb))))
 
 
-def draw_aim(rows: Sequence[Any], refused: Sequence[tuple[float, str]]) -> Figure:
-    """Draw hood angle, motor speed with the band that keeps half of the points, and probabilities, over distance."""
+def draw_aim(rows: Sequence[Any], refused: Sequence[tuple[float, str]], up: bool = False) -> Figure:
+    """Draw hood angle, motor speed with the band that keeps half of the points, and probabilities, over distance; up:
+    at a target that faces up, with the angle of arrival."""
     figure, (hood, speed, chance) = new_panels(7.0, 7.0, 3, sharex=True)
     x = np.array([row.distance_m for row in rows])
     hood.plot(x, [row.hood_deg for row in rows], "o-", color="#1b5e9b", markersize=3)
     hood.set_ylabel("hood, deg")
+    if up:
+        hood.plot(x, [row.arrival_deg for row in rows], "--", color="#9cc4e4", label="arrives, below the rim's plane")
+        hood.legend(frameon=False)
     speed.fill_between(x, [row.slowest_rad_s * RPM for row in rows], [row.fastest_rad_s * RPM for row in rows],
                        color="#9cc4e4", label="at least half of the points")
     speed.plot(x, [row.motor_rad_s * RPM for row in rows], "o-", color="#1b5e9b", markersize=3, label="set point")
     speed.set_ylabel("motor, rpm")
     speed.legend(frameon=False)
     threes = [row.p_three for row in rows]
-    chance.plot(x, [row.p_two for row in rows], color="#d9822b", label="two or three points" if any(threes) else "hit")
+    chance.plot(x, [row.p_two for row in rows], color="#d9822b",
+                label="two or three points" if any(threes) and not up else "hit")
     if any(threes):
-        chance.plot(x, threes, color="#2b8a3e", label="three points")
+        chance.plot(x, threes, color="#2b8a3e", label="through the ring" if up else "three points")
     chance.set(ylim=(0.0, 1.02), ylabel="probability", xlabel="distance, m")
     chance.legend(frameon=False)
     for distance_m, _ in refused:

@@ -5,7 +5,9 @@
     sigma(x)^2 = scale^2 propagated(x)^2 + floor^2
     three where |y| < three half-height, two where |y| < two half-height; a lapse gives any outcome
 
-The second part of r is a deviation of the exit speed from that of the launch terms; the first part is everything else.
+At an opening that faces up, y is where the ball comes down, from the middle of the places where it goes in (see
+_descents_of). The second part of r is a deviation of the exit speed from that of the launch terms; the first part is
+everything else.
 All fitted numbers are standard normal a priori: b and c directly, and the others as logarithms standardised by PRIORS.
 The evidence determines the prior width of the residual. A weights directory holds the gate in physics.json, which
 determines its probabilities, and training.json.
@@ -211,7 +213,7 @@ LOWEST_M = -40.0                      # where a ball that turns back before the 
 STEEPEST_M = 30.0                     # per unit of log speed: beyond it a shot is far too weak to matter
 FAR = 1e3                             # stands for no bound
 NEAREST_M = 0.1                       # chosen: of an edge; nearer ones are below the launcher
-LEAST_APART = 0.15                    # chosen: standard deviations between an opening's edges; bounds 1 / them
+LEAST_APART = 0.35                    # chosen: standard deviations between an opening's edges; bounds 1 / them
 # Chosen: over more a flight bends
 WIDEST_M = 1.5                        # first-order propagation of uncertainty does not hold for a larger spread
 MODEL_FILE = "physics.json"
@@ -304,8 +306,8 @@ def finite_array(values: Any, shape: tuple[int, ...]) -> np.ndarray:
 
 
 class Physics(NamedTuple):
-    """[n] each: height at the plane minus the target's centre, its propagated standard deviation, and the change of
-    the height by the log of the exit speed; all in m, all finite."""
+    """[n] each: height at the plane minus the target's centre (where it faces up, the place along), its propagated
+    standard deviation, and its change by the log of the exit speed; all in m, all finite."""
 
     deviation_m: np.ndarray
     sigma_m: np.ndarray

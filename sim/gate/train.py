@@ -7,8 +7,9 @@ centre in m, and another gives its variance in m2, which, unlike its logarithm o
 The least-squares fit on a Chebyshev grid favours points where the probabilities are sensitive (a shot three metres low
 is a miss regardless of the third decimal) and points inside the domain, where novelty is at most 1. Heights far from
 the target, and their spread, are compressed before the fit: no polynomial can follow the slopes of balls that stall or
-turn back. If even the highest degree is too inaccurate, the domain is narrowed; outside the domain, the robot holds its
-fire.
+turn back. At an opening that faces up, the place where a ball comes down is not smooth where it barely reaches the rim;
+there, the polynomials give by how many standard deviations it passes the near and the far edge. If even the highest
+degree is too inaccurate, the domain is narrowed; outside the domain, the robot holds its fire.
 """
 
 import itertools
@@ -45,6 +46,9 @@ CUT = 0.1                             # of the range of a feature that is left o
 CUTS = 40                             # at most
 RIDGE = 1e-12                         # of the normal equations, as a share of their mean diagonal
 LEAST_APART = 1e-3                    # of an opening's edges, in standard deviations: far from it p is 0
+MOST_RAISED = 3.0                     # times, of such a weight at once: no polynomial follows balls that turn back
+DEGREE_UP = 12                        # measured: at 15 p is no closer
+UNSURE = 0.05                         # p of a hit from which on, and to 1 less it, the place matters
 PASSED = 3.0                          # times DRAWN_IN_M: standard deviations from an edge up to which they are as is
 CHECKED = 30000                       # random configurations of the box; those inside the domain count
 LEARNED = 20000                       # random configurations of the box; those inside the domain are fitted too: where
@@ -118,11 +122,12 @@ def make_surrogate(gate: PhysicsGate, domain: Domain) -> tuple[Surrogate, Errors
         InputError: none does over any part of it.
     """
     box = np.array([domain[feature.name] for feature in FEATURES])
+    up = gate.rig.target is not None and gate.rig.target.faces_up
     for cut in range(CUTS):
         checks = inside(gate, box, CHECKED, 0)
         wanted = gate.latent(checks)
         found: list[tuple[Surrogate, Errors]] = []
-        for degree in DEGREES if cut == 0 else DEGREES[-1:]:
+        for degree in (DEGREE_UP,) if up else DEGREES if cut == 0 else DEGREES[-1:]:
             surrogate = fit_surrogate(gate, box, degree)
             found.append((surrogate, compare(gate, surrogate, checks, wanted)))
             if found[-1][1].acceptable and found[-1][1].p <= SMALL_P_ERROR:
@@ -202,14 +207,14 @@ def _fit_edges(gate: PhysicsGate, surrogate: Surrogate, columns: np.ndarray, lat
     wanted = gate.judge(*latent)[:, 0]
     edges = [PASSED * drawn_in((latent[0] + side * surrogate.half_m) / latent[1] / PASSED, latent[1])[0]
              for side in (1.0, -1.0)]
-    weights = [np.maximum(norm.pdf(edge)**2, MIN_WEIGHT) * np.where(novelty <= KNOWN_NOVELTY, 1.0, UNKNOWN_WEIGHT)
-               for edge in edges]
+    weights = [np.maximum(norm.pdf(edge)**2, MIN_WEIGHT * np.exp(-((edge / PASSED / DRAWN_IN_M)**2)))
+               * np.where(novelty <= KNOWN_NOVELTY, 1.0, UNKNOWN_WEIGHT) for edge in edges]
     for _ in range(REWEIGHTED + 1):
         solved = np.stack([_solve(columns, *one) for one in zip(weights, edges, strict=True)])
         near, far = (columns @ solved.T).T
         apart = np.maximum(near - far, LEAST_APART)
         given = gate.judge(surrogate.half_m * (near + far) / apart, 2.0 * surrogate.half_m / apart)[:, 0]
-        more = np.where(novelty <= NOVELTY_LIMIT, 1.0 + np.abs(given - wanted) / OFF, 1.0)
+        more = np.where(novelty <= NOVELTY_LIMIT, np.minimum(1.0 + np.abs(given - wanted) / OFF, MOST_RAISED), 1.0)
         weights = [weight * more for weight in weights]
     return replace(surrogate, coefficients=solved)
 
@@ -245,9 +250,12 @@ def compare(gate: PhysicsGate, surrogate: Surrogate, features: np.ndarray,
     """Return the errors on feature rows [n, 3]; `wanted` is the gate's own latent there, if already known."""
     mean_m, sigma_m = wanted or gate.latent(features)
     given_m, spread_m = surrogate.latent(features)
+    p = gate.judge(mean_m, sigma_m)
     near = np.abs(mean_m) < NEAR_TARGET_M
+    if surrogate.half_m:              # well inside the opening, or with a wider spread, p hardly depends on it
+        near = (np.abs(p[:, 0] - 0.5) < 0.5 - UNSURE) & (sigma_m < surrogate.half_m)
     worst_m = float(np.quantile(np.abs(given_m - mean_m)[near], 0.99)) if near.any() else 0.0
-    return Errors(worst_m, float(np.abs(gate.judge(given_m, spread_m) - gate.judge(mean_m, sigma_m)).max()))
+    return Errors(worst_m, float(np.abs(gate.judge(given_m, spread_m) - p).max()))
 
 
 def products(u: np.ndarray, orders: np.ndarray) -> np.ndarray:

@@ -115,7 +115,7 @@ def test_the_demo_says_what_was_wrong_how_large_and_what_it_was_worth(tmp_path: 
 def test_the_demo_of_a_hub_counts_its_hits(tmp_path: Path) -> None:
     said = " ".join(run_elsewhere(f"GAME = 'frc-2026'{PLAY}", tmp_path).split())
     assert re.search(rf"aimed with the paper's physics \(gravity, drag, lift\) \d+ of {QUICK.balls} balls hit", said)
-    assert re.search(rf"{QUICK.marked} marked shots, .*?: (\d+ hit, )?\d+ missed; ", said)
+    assert re.search(rf"{QUICK.marked} marked shots, .*?: (\d+ hit, )?\d+ missed", said)
     page = (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
     for text in (said, page, *((tmp_path / "report" / f"{act}.html").read_text(encoding="utf-8")
                                for act in ("practice", "event", "control"))):

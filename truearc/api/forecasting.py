@@ -211,7 +211,7 @@ class AimTable(Tabular):
 
     def plot(self) -> Any:
         """Plot hood angle, motor speed with the band that scores, and probabilities, as a Matplotlib figure."""
-        return draw_aim(self.rows, self.refused)
+        return draw_aim(self.rows, self.refused, self.target.faces_up)
 
 
 FORMATS: dict[str, Callable[[AimTable], str]] = {"text": str, "csv": AimTable.to_csv, "json": AimTable.to_json,

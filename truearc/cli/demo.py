@@ -104,7 +104,7 @@ def _marks(act: "Act") -> str:
     scored = [f"{counts[one]} {one if target is None else target.word(one)}" for one in ("three", "two") if counts[one]]
     passed = [f"{sides[one]} {one}" for one in ("low", "high", "short", "long", "left", "right") if sides[one]]
     return (f"{len(act.shots.shots)} marked shots, aimed by what practice taught, at all its hood angles: "
-            f"{', '.join(scored)}, {counts['miss']} missed; {', '.join(passed)}")
+            f"{', '.join([*scored, str(counts['miss'])])} missed" + f"; {', '.join(passed)}" * bool(passed))
 
 
 def _keep(folder: Path, acts: "dict[str, Act]", origin: "Origin", truth: Mapping[str, float]) -> None:

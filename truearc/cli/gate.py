@@ -117,7 +117,7 @@ def serve_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, metavar="FILE", help="launcher.toml, for its gate.threshold and its "
                         "wheels' free speed (default: the shipped threshold, and wheel speeds as shares alone)")
     parser.add_argument("--threshold", type=common.number(float, 0, 1), metavar="P",
-                        help="p(three) from which the gate fires (default: the configuration's)")
+                        help="p of full points from which the gate fires (default: the configuration's)")
     parser.add_argument("--port", type=common.number(int, 0, 65535), default=5809,
                         help="of the page; 0 picks a free one")
     parser.add_argument("--host", default="127.0.0.1", help="of the page; the default is this machine only")

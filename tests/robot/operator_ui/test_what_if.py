@@ -113,6 +113,7 @@ def test_single_question_has_single_answers_and_facts_state_limits():
     far = answered(what_if(0.0), json.dumps({**GOOD, "distance_m": 20}).encode())
     assert far["verdict"] == "hold" and far["reasons"] == ["model_outside_domain"]
     facts = json.loads(what_if().facts().text)
+    assert facts["hit_or_miss"] is False
     assert facts["sha256"] == GATE.sha256 and facts["threshold"] == 0.3 and facts["free_speed_rad_s"] == 594.0
     assert [(one["name"], one["domain"]) for one in facts["features"]] == [
         (name, list(domain)) for name, domain in zip(asking.NAMES, GATE.domain, strict=True)]

@@ -281,7 +281,7 @@ def test_a_run_ends_by_itself_released_with_code_2_when_its_recorder_is_killed(t
             processes.append(os.kill(processes[0].child.pid, signal.SIGKILL))
         return read()
 
-    def begin(wires, page, limits):
+    def begin(wires, *_):
         processes.append(RecorderProcess(wires))
         return processes[0]
 

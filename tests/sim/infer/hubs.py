@@ -17,11 +17,14 @@ RIG: Rig = msgspec.structs.replace(GUPPY, target=HUB)
 CD, CL, LOSS = 0.5, 0.06, 0.25
 
 
-def make_shots(seed: int, n: int, spread: float = 0.06, angle_deg: float = 0.0) -> Dataset:
+def make_shots(seed: int, n: int, spread: float = 0.06, angle_deg: float = 0.0, far_m: float = 5.0,
+               high_deg: float = 70.0) -> Dataset:
     """Shots about the middle of the hub, within `spread` of the speed; they leave angle_deg steeper than the hood says.
+
+    far_m, high_deg: the farthest and the steepest.
     """
     rng = np.random.default_rng(seed)
-    distance_m, hood_deg = rng.uniform(1.5, 5.0, n), rng.uniform(55.0, 70.0, n)
+    distance_m, hood_deg = rng.uniform(1.5, far_m, n), rng.uniform(55.0, high_deg, n)
     low, high = np.full(n, 0.2), np.full(n, 1.0)
     for _ in range(14):
         middle = 0.5 * (low + high)

@@ -7,11 +7,11 @@ import pytest
 
 import truearc as ta
 from tests.sim.infer.hubs import CD, CL, HUB, LOSS, RIG, make_shots
+from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.config.targets import refuse_up
-from truearc.robot.gate import FEATURES, facing_up_of
+from truearc.robot.gate import FEATURES, facing_up_of, load_gate_for
 from truearc.sim.discover.investigate import score_since
-from truearc.sim.gate.model import load_physics_gate
 from truearc.sim.infer.belief import Belief
 
 BELIEF = Belief({"drag": {"cd": CD}, "magnus": {"cl": CL}, "exit_efficiency": {"loss": LOSS}},
@@ -56,13 +56,15 @@ def test_discovery_reads_shots_at_a_hub() -> None:
 
 @pytest.mark.slow
 def test_gate_at_a_hub_knows_what_hits(tmp_path: Path) -> None:
-    training = ta.train_gate(make_shots(4, 150), BELIEF)
-    later = make_shots(6, 200)
+    shots, later = (make_shots(seed, n, far_m=3.5, high_deg=66.0) for seed, n in ((4, 120), (6, 200)))
+    training = ta.train_gate(shots, BELIEF)
     features = np.column_stack([later.shots.number(one.name) for one in FEATURES])
     p_hit, hit = training.gate.probabilities(features)[:, 1], np.array(later.shots.text("outcome")) == "two"
     assert abs(p_hit.mean() - hit.mean()) < 0.08 and ((p_hit > 0.5) == hit).mean() > 0.75
     training.save(tmp_path / "gate")
-    assert load_physics_gate(tmp_path / "gate")[1]["target"] == facing_up_of(RIG)
+    assert main(["export", str(tmp_path / "gate"), "-o", str(tmp_path / "gate.onnx")]) == 0
+    assert main(["verify", str(tmp_path / "gate.onnx"), "--weights", str(tmp_path / "gate")]) == 0
+    assert load_gate_for(tmp_path / "gate.onnx", RIG).target == facing_up_of(RIG)
 
 
 def test_the_papers_method_is_refused() -> None:

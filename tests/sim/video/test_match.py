@@ -44,7 +44,7 @@ def test_no_flight_gets_another_shot(seed, shots, count, offset_s, drift, jitter
     claimed = matching.shots >= 0 if len(matching.shots) else np.zeros(len(truth), dtype=bool)
     real = claimed & (truth >= 0)
     assert (matching.shots[real] == truth[real]).all() if claimed.any() else True
-    if count >= 12 and jitter_s <= 0.02:
+    if (truth >= 0).sum() >= 10 and jitter_s <= 0.02:
         assert not matching.refusal, matching
         assert real.sum() >= 0.9 * (truth >= 0).sum()
 
