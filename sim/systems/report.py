@@ -15,7 +15,7 @@ from truearc.sim.discover.identifiability import Sight, TermIdentifiability
 from truearc.sim.discover.report.finding_text import either, say_chance
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.printed import make_text
-from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_png, new_panels, paragraph, picture, table
+from truearc.sim.report import NO_ORIGIN, Origin, make_page, new_panels, paragraph, picture, table
 from truearc.sim.systems.discovery import (
     Intervals,
     SystemFitted,
@@ -170,10 +170,10 @@ def page(name: str, found: SystemInvestigation, origin: Origin = NO_ORIGIN) -> s
     """Return the report as one HTML page."""
     finding, sections = found.finding, []
     if found.fitted is not None:
-        sections.append(("Recorded and simulated", picture(make_png(flights_figure(found)), "recorded and simulated",
+        sections.append(("Recorded and simulated", picture(flights_figure(found), "recorded and simulated",
                                                           "One row; the better simulator only if one was found.")))
         if (figure := curve_figure(found)) is not None:
-            sections.append(("What is missing", picture(make_png(figure), "the missing push along a value")))
+            sections.append(("What is missing", picture(figure, "the missing push along a value")))
         model = found.model
         sections.append(("Candidates", table(("name", "in words", "probability", "size", "low 90 %", "high 90 %"), [
             (one.term, model.label_of(one.term), f"{one.probability:.2f}", f"{one.size.value:.4g}",

@@ -231,7 +231,8 @@ def find_sheet(picture: Image, time_s: float) -> Sheet | None:
     """Return truearc's sheet; None if it is not in view."""
     for number, corners in find_tags(picture):
         if number == SHEET_TAG:
-            return Sheet(time_s, *map(float, corners.mean(axis=0)), *_measured(corners))
+            (x_px, y_px), (side_px, tilt_rad) = corners.mean(axis=0).tolist(), _measured(corners)
+            return Sheet(time_s, x_px, y_px, side_px, tilt_rad)
     return None
 
 

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from truearc.api.results import FindingReport, Table
+from truearc.api.results import FindingReport, Table, Tabular
 from truearc.errors import InputError, save_whole
 from truearc.hw.real.clock import wall_clock
 from truearc.sim.discover import finding as settings
 from truearc.sim.discover.identifiability import Sight
-from truearc.sim.printed import Printed, Progress
+from truearc.sim.printed import Progress
 from truearc.sim.report import Origin
 from truearc.sim.systems import discovery, report
 from truearc.sim.systems.discovery import Intervals, SystemFitted, SystemInvestigation
@@ -23,7 +23,7 @@ SIGHT_COLUMNS = ("candidate", "unit", "usual", "smallest", "power", "like", "cor
 
 
 @dataclass(frozen=True, eq=False)
-class SystemFit(Printed):
+class SystemFit(Tabular):
     """Most probable parameters of a system, with 90 % intervals. `fitted`: the optimum with its curvature."""
 
     fitted: SystemFitted
@@ -92,7 +92,7 @@ class SystemFinding(FindingReport):
 
 
 @dataclass(frozen=True, eq=False)
-class SystemIdentifiability(Printed):
+class SystemIdentifiability(Tabular):
     """Which candidates runs could show. `sight`: all figures."""
 
     sight: Sight

@@ -143,8 +143,8 @@ class Hall:
         def limb(a: tuple[float, float], b: tuple[float, float], wide_m: float, light: float) -> None:
             ends, ahead = self.to_pixels(np.array([(x_m + x, away_m, z) for x, z in (a, b)]))
             wide = max(1, round(wide_m * self._lens.fx_px / float(ahead[0])))
-            cv2.line(luma, *(tuple(int(v) for v in np.rint(end * 2**SHIFT)) for end in ends), light, wide, cv2.LINE_AA,
-                     SHIFT)
+            begin, end = np.rint(ends * 2**SHIFT).astype(int).tolist()
+            cv2.line(luma, begin, end, light, wide, cv2.LINE_AA, SHIFT)
         for sign in (-1, 1):
             limb((0.0, 0.9), (sign * swing, 0.08), 0.14, 0.6 * level)
             limb((0.0, 1.4), (-sign * swing, 0.85), 0.09, 1.2 * level)
@@ -180,11 +180,12 @@ class Hall:
         coarse = self._rng.normal(0.0, 11.0, (height // 40 + 2, width // 40 + 2)).astype(np.float32)
         fine = self._rng.normal(0.0, 7.0, (height, width)).astype(np.float32)
         light = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC) + cv2.GaussianBlur(fine, (0, 0), 1.2)
-        wall = np.clip(light[..., None] + np.array([138.0, 146.0, 150.0]), 30, 225).astype(np.uint8)
+        wall: Image = np.clip(light[..., None] + np.array([138.0, 146.0, 150.0]), 30, 225).astype(np.uint8)
         foot, _ = self.to_pixels(np.array([(-20.0, WALL_M, 0.0), (20.0, WALL_M, 0.0)]))
         for z_m in np.arange(0.0, 9.0, 0.4):
             ends, _ = self.to_pixels(np.array([(-20.0, WALL_M, z_m), (20.0, WALL_M, z_m)]))
-            cv2.line(wall, *(tuple(int(v) for v in np.rint(end)) for end in ends), (118, 122, 125), 1, cv2.LINE_AA)
+            begin, end = np.rint(ends).astype(int).tolist()
+            cv2.line(wall, begin, end, (118, 122, 125), 1, cv2.LINE_AA)
         for _ in range(7):
             x_m, z_m, wide_m, high_m = self._rng.uniform((-9.5, 1.0, 0.4, 0.4), (1.5, 3.5, 1.6, 1.1))
             colour = tuple(float(part) for part in self._rng.uniform(40.0, 220.0, 3))
