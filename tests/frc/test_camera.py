@@ -151,5 +151,5 @@ def test_a_struct_on_a_real_server_is_read(nt_server: tuple[Any, str]) -> None:
         with suppress(LinkLost):                  # not connected yet
             told += [sighting] if (sighting := camera.read()) is not None else []
     camera.close()
-    assert len(told) >= 3 and told[-1].found and told[-1].distance_m == pytest.approx(3.0 + BEHIND_M, abs=1e-3)
+    assert len(told) >= 3 and told[-1].found and told[-1].distance_m == pytest.approx(3.0 + BEHIND_M, abs=0.011)
     assert LATENCY_S <= (time.monotonic_ns() - told[-1].t_ns) / NS < LATENCY_S + 1.0
