@@ -16,6 +16,7 @@ from truearc.sim.discover.identifiability import Sight, TermIdentifiability
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.finding_text import WORDING, either, in_words, plain, size_of
 from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.physics.term import SHARE
 from truearc.sim.printed import left_out_lines
 
 SAY: dict[str, str] = WORDING["story"]
@@ -249,9 +250,10 @@ def say_tracker(moved: FoundEffect, together: Sequence[Named], p_value: float, a
 
 def _unseen(one: TermIdentifiability, among: Catalogue | None) -> str:
     """A term with the size below which it would have been missed more than one time in five."""
-    if one.smallest is None:
-        return f"{plain(one.term, among)} of any size"
     phrase = wording.phrase_of(one.term, among)
+    share = phrase is not None and phrase.unit == SHARE[1]
+    if one.smallest is None or (share and one.smallest >= 1.0):       # no share of a size or a speed is larger
+        return f"{plain(one.term, among)} of any size"
     less = "slower than" if phrase is not None and phrase.rate else "below"      # a rate is told as its time constant
     return f"{plain(one.term, among)} {less} {size_of(one.term, one.smallest, one.unit, among)}"
 

@@ -115,6 +115,8 @@ def test_what_could_not_have_been_shown_is_told_first() -> None:
     assert tell_none(EMPTY, listed, sight).told.change == (
         "Nothing found; these 120 shots could not have shown head or tail wind below 3.0 m/s, spin decay of any size "
         "or ball wear of any size.")
+    vast = structs.replace(other, unit="1", smallest=8.65)       # of a speed, ball wear takes a share
+    assert "ball wear of any size" in tell_none(EMPTY, [vast], sight).told.change
     assert tell_none(EMPTY, [], sight).told.change.startswith("Nothing found: 120 shots differ from the simulation by")
     assert tell_none(EMPTY, listed, sight, tracker="The tracker is off.").sentence.startswith("The tracker is off. Sm")
 
