@@ -281,7 +281,7 @@ class Runs:
                 ratio = abs(float(np.log(scale[k] / middle)))
                 spread = float(np.std(np.log(np.maximum(others, 1e-300) / middle)))
                 factor = min(SLIPS, key=lambda one: abs(ratio - np.log(one)))
-                if spread < SPREAD and abs(ratio - np.log(factor)) < max(SLIP, 3.0 * spread) and ratio > 4.0 * spread:
+                if spread < SPREAD and abs(ratio - np.log(factor)) < max(SLIP, 3.0 * spread) and ratio > 6.0 * spread:
                     raise InputError(f"runs: run {label}: {name} is {scale[k] / middle:.3g} times as large as in the "
                                      f"other runs: {SLIPS[factor]} may have been mixed")
 

@@ -67,6 +67,7 @@ ELSEWHERE = {
     r"^truearc advise ": "goes on until it is stopped; tests/frc/test_advise_session.py has it beside a robot",
     r"^truearc doctor.* --(set|move)": "writes to devices, or moves them; tests/robot/doctor does",
     r"^python -m tools\.pages": "writes pages, which tests/house/test_site.py compares",
+    r"^truearc demo --game": "takes minutes; tests/cli/test_demo.py plays it in a small form",
     r"^truearc mcp ": "goes on until it is stopped; tests/cli/test_assistant.py asks it",
     r"^truearc serve ": "goes on until it is stopped; tests/cli/test_serve.py runs it and ends it by Ctrl-C",
     r"^truearc emulate .*--bus slcan:auto": "waits for a robot in another process; tests/loops/test_loops.py has both",

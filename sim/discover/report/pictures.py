@@ -147,14 +147,14 @@ def residuals_of(before: ScoreTable, after: ScoreTable | None, tracked: bool) ->
         plain = column.kind == "free" and column.stage != "sensing" and not column.follows
         if plain and (before.info[:, k, k] > 0.0).any():
             factor, unit = scale_of(column.unit)
-            found.append(Residual(column.name, k, column.stage, factor, unit.strip(), _linear(before, column.name),
-                                  None if after is None else _linear(after, column.name)))
+            there = None if after is None else next(
+                (_linear(after, number) for number, one in enumerate(after.columns) if one.name == column.name), None)
+            found.append(Residual(column.name, k, column.stage, factor, unit.strip(), _linear(before, k), there))
     return tuple(found)
 
 
-def _linear(evidence: ScoreTable, name: str) -> LinearResiduals:
-    k = evidence.index(name)
-    return LinearResiduals(evidence.score[:, k], evidence.info[:, k, k])
+def _linear(evidence: ScoreTable, column: int) -> LinearResiduals:
+    return LinearResiduals(evidence.score[:, column], evidence.info[:, column, column])
 
 
 def find_along(name: str | None, along: Sequence[Along]) -> Along | None:

@@ -76,7 +76,7 @@ def test_files_say_what_the_analysis_says(pool, done, tmp_path):
     assert summary["data"].startswith("The data are ours") and len(summary["repetitions"]) == SMALL.draws
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert page.index(OURS_NOT_THEIRS.partition(",")[0]) < page.index("<h2>")
-    assert page.count("<img") == 3 and "not printed in the paper" in page and "44.29%" in page
+    assert page.count("<svg ") == 3 and "not printed in the paper" in page and "44.29%" in page
 
 
 def test_the_door_prints_paper_and_ours(pool, done, tmp_path, monkeypatch, capsys):

@@ -51,7 +51,7 @@ def test_predictions_say_where_balls_come_down(fitted: ta.Fit) -> None:
 @pytest.mark.slow
 def test_discovery_reads_shots_at_a_hub() -> None:
     found = ta.discover(make_shots(3, 120, angle_deg=3.0), believe=BELIEVED)
-    assert "120 shots, level L0" in "\n".join(found.lines())
+    assert "shots: 120, level L0" in "\n".join(found.lines())
 
 
 @pytest.mark.slow

@@ -113,7 +113,7 @@ def test_dry_friction_is_found_and_adopted() -> None:
     friction = frame(5, push=lambda x, v: -0.3 * float(np.tanh(v / 0.01)))
     found = ta.discover(spring(), runs_of(friction), seed=0)
     assert found.verdict in ("named", "set"), str(found)
-    assert any("sign_v_m_s" in name for name in found.record.set or ()), str(found)
+    assert any(name.endswith(("sign_v_m_s", "stribeck_v_m_s")) for name in found.record.set or ()), str(found)
     unseen = frame(6, push=lambda x, v: -0.3 * float(np.tanh(v / 0.01)))
     better, before = found.adopt(), ta.fit(spring(), runs_of(friction)).system
     errors = [np.sqrt(np.mean((one.simulate(runs_of(unseen))["x_m"] - unseen["x_m"])**2)) for one in (better, before)]
@@ -121,9 +121,10 @@ def test_dry_friction_is_found_and_adopted() -> None:
 
 
 @pytest.mark.slow
-def test_nothing_missing_is_reported_as_nothing() -> None:
-    found = ta.discover(spring(), runs_of(frame(7)), seed=0)
-    assert found.verdict == "none", str(found)
+def test_nothing_missing_is_mostly_reported_as_nothing() -> None:
+    """At a rate of 5 %, three alarms of eight come once in 170 times."""
+    said = [ta.discover(spring(), runs_of(frame(seed)), seed=0).verdict for seed in range(7, 15)]
+    assert said.count("none") >= 6, said
 
 
 def wrong_rate(kind: str) -> Callable[..., Any]:
