@@ -380,6 +380,8 @@ def _band_panel(axes: Axes, direction: str, series: Series, chosen: Bool[Array, 
     axes.axhline(0.0, color=INK, lw=0.9)
     for number, (label, evidence, colour) in enumerate(series):
         bands = _bands(evidence, direction)
+        if not bands:                 # of a correction that shares the columns of this direction
+            continue
         amplitude = joint_bands(evidence, bands, chosen.astype(float))
         error = _band_errors(evidence, bands, chosen, amplitude)
         spans = np.array([evidence.columns[k].times_s for k in bands])
