@@ -49,7 +49,7 @@ def test_sheet_gives_the_exit_wherever_the_robot_stands(tmp_path):
 @pytest.mark.slow
 def test_chain_from_the_emulated_robot_to_a_finding(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["emulate", "--film", "clips/", "--trials", "60", "--out", "sessions/s", "--quiet"]) == 0
+    assert main(["emulate", "--film", "clips/", "--trials", "24", "--out", "sessions/s", "--quiet"]) == 0
     clips = sorted(map(str, (tmp_path / "clips").iterdir()))
     assert clips and (tmp_path / "clips-truth.csv").is_file()
     main(["track", *clips, "--session", "sessions/s", "-o", "data/s", "--quiet"])
