@@ -29,7 +29,7 @@ from truearc.sim.physics.term import (
     SensingTerm,
     WatchTerm,
 )
-from truearc.sim.systems.simulate import System
+from truearc.sim.systems.score_table import System
 from truearc.sim.systems.system import Runs, effect, normal, positive
 
 __all__ = [

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from truearc.errors import InputError, load_text
-from truearc.sim.systems.simulate import System
+from truearc.sim.systems.score_table import System
 from truearc.sim.systems.system import Runs
 
 COLUMNS = ("run", "time", "inputs", "conditions", "session")

@@ -1,4 +1,4 @@
-"""A system as the model of a fit: its columns, and the table of scores of its runs.
+"""A system as the model of a fit: its columns, and the table of scores of its runs; System is simulated by it.
 
 Each row (a run, or a block of one) has a start of its own, integrated out where it is likeliest. The noise of an output
 is white plus a first-order autoregression (Kalman 1960, for the two together), whose time constant is at most a tenth
@@ -398,6 +398,26 @@ class SystemModel(Flights):
         model = replace(self, entries=tuple(entries), layout=tested)
         begin = replace(point, values=np.concatenate([point.values, np.zeros(len(new))]))
         return Carrying(model._sharing(range(len(new)), []), [begin])
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class System(SystemSpec):
+    __doc__ = SystemSpec.__doc__
+
+    def simulate(self, runs: Runs) -> dict[str, Float[Array, " rows"]]:
+        """Simulate each run with the parameters as believed, from its first sample.
+
+        Returns:
+            {output: values}, in the order of the rows of `runs`.
+        """
+        model = SystemModel.of(self, runs, rows=1, testing=False)
+        seen, recording = model.flights(model.starts()[0]), model.recording
+        found = {name: np.full(runs.rows, np.nan) for name in self.outputs}
+        for row in range(len(recording.run)):
+            there = recording.real[row]
+            for k, name in enumerate(self.outputs):
+                found[name][recording.place[row][there]] = seen[row, there, k]
+        return found
 
 
 def starts_of(system: SystemSpec, recording: Recording) -> tuple[Float[Array, "R S"], Float[Array, "R S"]]:

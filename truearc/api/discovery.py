@@ -33,7 +33,7 @@ from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Progress, show_progress
 from truearc.sim.report import Origin
-from truearc.sim.systems.simulate import System
+from truearc.sim.systems.score_table import System
 from truearc.sim.systems.system import Runs
 
 IN_PYTHON = "made in Python"          # in place of a command line

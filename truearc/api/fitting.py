@@ -28,7 +28,7 @@ from truearc.sim.paper.grid_fit import GridFit, Score, draw_map, explain, fit_gr
 from truearc.sim.physics.term import LINEAR, Term, from_scale
 from truearc.sim.printed import Progress, make_text, show_progress
 from truearc.sim.statistics import Z90
-from truearc.sim.systems.simulate import System
+from truearc.sim.systems.score_table import System
 from truearc.sim.systems.system import Runs
 
 COLUMNS = ("parameter", "value", "low90", "high90", "unit", "closed")

@@ -13,8 +13,7 @@ from truearc.sim.printed import Progress
 from truearc.sim.report import Origin
 from truearc.sim.systems import discovery, report
 from truearc.sim.systems.discovery import Intervals, SystemFitted, SystemInvestigation
-from truearc.sim.systems.score_table import SystemModel
-from truearc.sim.systems.simulate import System
+from truearc.sim.systems.score_table import System, SystemModel
 from truearc.sim.systems.system import Runs
 
 IN_PYTHON = "made in Python"          # in place of a command line
