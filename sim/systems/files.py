@@ -25,11 +25,11 @@ def load_system(path: str | Path) -> tuple[System, dict[str, Any]]:
     """
     if Path(path).suffix != ".py":
         raise InputError(f"{path}: is not a Python file; expected one that defines system and columns")
-    module = ModuleType("truearc_system")
+    text, module = load_text(path), ModuleType("truearc_system")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module
     try:
-        exec(compile(load_text(path), str(path), "exec"), vars(module))
+        exec(compile(text, str(path), "exec"), vars(module))
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     except Exception as error:
@@ -57,15 +57,26 @@ def load_runs(path: str | Path, columns: Mapping[str, Any]) -> Runs:
     for number, row in enumerate(rows[1:], 2):
         if len(row) != len(header):
             raise InputError(f"{path}:{number}: has {len(row)} cells; expected {len(header)}")
-    frame = {name: _column([row[k].strip() for row in rows[1:]]) for k, name in enumerate(header)}
+    labels = (columns.get("run"), columns.get("session"))
+    frame = {name: _column(path, name, [row[k].strip() for row in rows[1:]], name in labels)
+             for k, name in enumerate(header)}
     try:
         return Runs(frame, **columns)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
 
-def _column(cells: list[str]) -> np.ndarray:
+def _column(path: str | Path, name: str, cells: list[str], label: bool) -> np.ndarray:
+    """Numbers; text, where no cell is a number or a label may be anything."""
+    numbers = [_number(cell) for cell in cells]
+    wrong = [number for number, one in enumerate(numbers) if one is None]
+    if wrong and not label and len(wrong) < len(cells):
+        raise InputError(f"{path}:{wrong[0] + 2}: {name}: got {cells[wrong[0]]!r}; expected a number")
+    return np.array(cells) if wrong else np.array(numbers, dtype=float)
+
+
+def _number(cell: str) -> float | None:
     try:
-        return np.array([float(cell) if cell else np.nan for cell in cells])
+        return float(cell) if cell else np.nan
     except ValueError:
-        return np.array(cells)
+        return None

@@ -1,5 +1,6 @@
 """Systems of the user's own, against SciPy's integrator and worlds with a concealed effect."""
 
+import gzip
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 import truearc as ta
 from tests.conftest import DATA
 from truearc.cli.main import main
+from truearc.sim.systems.files import load_runs
 from truearc.sim.systems.noise import noise_gains, whiten
 from truearc.sim.systems.score_table import SystemModel
 from truearc.sim.systems.system import Believed
@@ -214,17 +216,22 @@ def test_command_ends_with_code_2_for_bad_input(tmp_path: Path, capsys: pytest.C
     assert "spring.py: system: got int; expected system = truearc.System(...)" in capsys.readouterr().err
 
 
-@pytest.mark.data
-def test_real_servo_recordings_are_read() -> None:
-    import gzip
-    import io
+@pytest.mark.parametrize(("rows", "said"), [
+    ("0,0.0,1,2\n0,0.1,1,abc\n", r"runs\.csv:3: x_m: got 'abc'; expected a number"),
+    ("0,0.0,1,2\n0,0.1,1\n", r"runs\.csv:3: has 3 cells; expected 4"),
+    ("", r"runs\.csv: has no rows below its header")])
+def test_bad_tables_of_runs_are_named_with_their_line(tmp_path: Path, rows: str, said: str) -> None:
+    (tmp_path / "runs.csv").write_text("run,t_s,force_n,x_m\n" + rows)
+    with pytest.raises(ta.InputError, match=said):
+        load_runs(tmp_path / "runs.csv", {"run": "run", "time": "t_s", "inputs": ["force_n"]})
 
-    from truearc.sim.systems.files import load_runs
-    path = DATA / "systems" / "servo_pendulum.csv.gz"
-    with gzip.open(path, "rt") as file:
-        text = file.read()
-    assert io.StringIO(text).readline().startswith("run,trajectory")
-    assert load_runs is not None
+
+@pytest.mark.data
+def test_real_servo_recordings_are_read(tmp_path: Path) -> None:
+    (tmp_path / "servo.csv").write_bytes(gzip.decompress((DATA / "systems" / "servo_pendulum.csv.gz").read_bytes()))
+    runs = load_runs(tmp_path / "servo.csv", {"run": "run", "time": "t_s", "inputs": ["goal_rad", "torque_on"],
+                                              "conditions": ["mass_kg", "length_m", "kp"]})
+    assert len(runs.labels) == 32 and np.isfinite(runs.number("position_rad")).all()
 
 
 @pytest.mark.slow
