@@ -73,8 +73,14 @@ async def hold_velocity(drive: ODriveCAN, rev_s: float, seconds: float) -> None:
 
 
 async def reach(drive: ODriveCAN, state: str) -> None:
-    """Ask for a state as often as a slow machine needs: the driver itself waits one second for the heartbeat."""
+    """Ask for a state as often as a slow machine needs: the driver itself waits one second for the heartbeat.
+
+    The driver's reader waits for room in its queue of one answer where a second frame of the kind came before the
+    question was closed, and then takes no heartbeat until somebody takes the answer out.
+    """
     for _ in range(TRIES):
+        while not drive._response_queue.empty():
+            drive._response_queue.get_nowait()
         with suppress(TimeoutError):
             return await drive.set_axis_state(state)
     raise TimeoutError(f"no heartbeat said {state}")
