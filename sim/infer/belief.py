@@ -365,10 +365,18 @@ class Belief(Printed):
         save_whole(path, text.encode())
 
     def lines(self) -> list[str]:
-        """Return a line per number: its value, unit, and standard deviation (a factor if its scale is the log)."""
+        """Return a line per number: its value, unit, and standard deviation (a factor if its scale is the log); and one
+        for each error of the model that it leaves room for."""
         doubt = dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
-        names = [f"{term}.{key}" for term, values in self.coefficients.items() for key in values]
-        return [self._line(name, doubt.get(name)) for name in (*names, *(f"{SCATTER}.{key}" for key in self.scatter))]
+        rooms = {term: curve for term, curve in self.curves.items() if curve.over}
+        names = [f"{term}.{key}" for term, values in self.coefficients.items() if term not in rooms for key in values]
+        return [*(self._line(name, doubt.get(name)) for name in (*names, *(f"{SCATTER}.{key}" for key in self.scatter))),
+                *(self._room(term, curve, doubt.get(f"{CURVE}.{term}.0", 0.0)) for term, curve in rooms.items())]
+
+    def _room(self, term: str, curve: Curve, sd: float) -> str:
+        unit = terms.find_nameless(term).amplitude.unit
+        return (f"{term:28s} room for errors of the model: ± {sd:.2g} {'of it' if unit == '1' else unit}, and smooth "
+                f"over {', '.join(curve.over)}")
 
     def _line(self, name: str, sd: float | None) -> str:
         scale = scale_of(name, self.catalogue)

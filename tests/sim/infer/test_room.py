@@ -90,6 +90,8 @@ def test_a_curve_over_ranges_comes_back_from_disk(tmp_path: Path) -> None:
     replace(belief, provenance={"method": "x"}).save(tmp_path / "c.toml")
     assert bel.load_belief(tmp_path / "c.toml").curves == {"free_speed": CURVE_OVER}
     assert room.has_room(belief) and not room.has_room(bel.point_belief({"drag": {"cd": 0.5}}))
+    (line,) = belief.lines()
+    assert "room for errors of the model" in line and "share" not in line and "smooth over distance_m, hood_deg" in line
     backwards = {**OVER, "hood_deg": (60.0, 30.0)}
     for bad in (bel.Curve((0.1,), 0.0, over=OVER), structs.replace(CURVE_OVER, over=backwards)):
         with pytest.raises(InputError, match="over"):
