@@ -369,8 +369,9 @@ class Belief(Printed):
         for each error of the model that it leaves room for."""
         doubt = dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
         rooms = {term: curve for term, curve in self.curves.items() if curve.over}
-        names = [f"{term}.{key}" for term, values in self.coefficients.items() if term not in rooms for key in values]
-        return [*(self._line(name, doubt.get(name)) for name in (*names, *(f"{SCATTER}.{key}" for key in self.scatter))),
+        names = [f"{term}.{key}" for term, values in (*self.coefficients.items(), (SCATTER, self.scatter))
+                 if term not in rooms for key in values]
+        return [*(self._line(name, doubt.get(name)) for name in names),
                 *(self._room(term, curve, doubt.get(f"{CURVE}.{term}.0", 0.0)) for term, curve in rooms.items())]
 
     def _room(self, term: str, curve: Curve, sd: float) -> str:
