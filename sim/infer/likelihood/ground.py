@@ -43,6 +43,7 @@ RISING = 24, 4.5                      # likewise, of the root of the height of t
 COARSE = (5, 0.0), (8, 3.0)           # by Gauss-Hermite, and so few heights, for each of very many beliefs
 STEP = 1e-5                           # of differences, in m, and of the board's bounce
 LEAST_WEIGHT = 1e-10                  # of a node; measured: chances change by at most 2e-9
+LEAST_PULL = 0.1                      # m/s2, downward at the highest point: stronger lift holds the ball up there
 BISECTIONS = 40
 # Of a shot whose flight is not yet known: as steep, and as far to the side
 USUAL_PLANE = (0.0, 0.0, 0.0, 0.0, 2.5, 3.5, 0.6, 0.6, 0.0, -0.9, 9.8)
@@ -116,7 +117,8 @@ class GroundOutcomes:
         if not grazing.any() and not by:
             return _cells(self, mean_m, spread_m, by, *sums)
         clear, low = np.flatnonzero(~grazing), np.flatnonzero(grazing)
-        (top_m, top_sd, along, faster, leaning, fall_s), pull = self.rise[low].T[:, :, None], self.plane[low][:, [PULL]]
+        (top_m, top_sd, along, faster, leaning, fall_s) = self.rise[low].T[:, :, None]
+        pull = np.maximum(self.plane[low][:, [PULL]], LEAST_PULL)
         top_m = top_m + self.change[low][:, [TOP_M]]
         top_sd = top_sd * np.exp(np.clip(self.change[low][:, [TOP_SPREAD]], -2.0, 2.0))
         x, w = _legendre(rising[0])

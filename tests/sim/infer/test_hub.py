@@ -72,6 +72,7 @@ def test_the_papers_method_is_refused() -> None:
         refuse_up(HUB, "the paper's method")
 
 
+@pytest.mark.slow
 def test_follow_tells_a_steeper_launch_from_no_change() -> None:
     steady, changed = (ta.follow(make_shots(7, 24, angle_deg=angle), BELIEF) for angle in (0.0, 6.0))
     assert steady.alarm is None and max(steady.e_values) < 10.0
