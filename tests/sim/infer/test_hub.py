@@ -79,6 +79,7 @@ def test_follow_tells_a_steeper_launch_from_no_change() -> None:
     assert changed.alarm is not None and changed.alarm < 20
 
 
+@pytest.mark.slow
 def test_chances_for_very_many_beliefs_are_near_the_exact_ones() -> None:
     plane = score_since(make_shots(7, 40), BELIEF).plane
     assert plane is not None

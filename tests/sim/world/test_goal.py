@@ -76,6 +76,7 @@ def test_words_name_the_side_and_a_ball_that_lacks_height_is_short() -> None:
     assert thrown(HUB, (-1.5, 0.0, 0.75), (2.0, 0.0, 3.0)).arrival.outcome == "miss-low"
 
 
+@pytest.mark.slow
 def test_throws_end_as_the_geometry_of_the_likelihood_has_it() -> None:
     rng, agree, n = np.random.default_rng(5), 0, 150
     for _ in range(n):
