@@ -34,6 +34,9 @@ class Pushes(NamedTuple):
     rate: Int[Array, " A"]
 
 
+NO_PUSHES = Pushes(*(np.zeros((0, 1)),) * 2, *(np.zeros(0, dtype=int),) * 3)
+
+
 def call_rate(system: SystemSpec, names: Sequence[str], x: Any, u: Any, p: Any) -> list[Any]:
     """Return the derivatives, one per state.
 
