@@ -144,6 +144,7 @@ MODELS: dict[str, list[list[int]]] = {"M1": [[0]], "M2": [[0], [3], [4], [5]], "
                                       "M5": [[0], [1], [2], [3], [4], [5], [6], [7]],
                                       "M6": [[0], [1], [2], [3], [4], [5], [6], [7], [8], [9]]}
 FIRST = np.array([0.05, 0.02, 0.02, 0.03, 0.5, 1.0, 0.02, 0.02, 0.02, 0.02])
+STARTS = (1.0, 0.1)                   # of these, from which each fit begins
 USED = np.array([True, False, False, False, True, True, False, False, False, False])
 
 
@@ -162,7 +163,7 @@ def fit_rivals(runs: list[tuple[Any, Any]]) -> dict[str, Callable[[Any], Any]]:
         def off(x: Any, numbers: Any = numbers) -> Any:
             return np.concatenate([swing(*numbers(x), run)[::THIN] - angle[::THIN] for run, angle in runs])
         tops = [least_squares(off, np.concatenate([plain, np.log([size * FIRST[group[0]] for group in groups])]),
-                              bounds=(-12.0, 4.0), loss="soft_l1", f_scale=0.03, max_nfev=60) for size in (1.0, 0.1)]
+                              bounds=(-12.0, 4.0), loss="soft_l1", f_scale=0.03, max_nfev=30) for size in STARTS]
         best = min(tops, key=lambda one: one.cost)
         plain = best.x[:6] if name == "M1" else plain
         found[name] = partial(swing, *numbers(best.x))

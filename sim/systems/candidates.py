@@ -262,7 +262,7 @@ def push_candidates(system: SystemSpec, recording: Recording, believed: Believed
                 yield Candidate(f"{target}_{word}", f"{label}, {'on the rate of' if rate else 'beside'} {target}",
                                 "unit", size / rms[0], RATE if rate else INPUT, ("push", 0), push=push,
                                 direction=target, shape=shape,
-                                usual_at=tuple(size / (one or rms[0]) for one in rms))
+                                usual_at=tuple(size / (one or rms[0]) for one in rms) if shape else ())
         if rate:
             for j in range(s + moving):
                 yield from _curve(i, j, target, believed.names[j], values[j], size)
