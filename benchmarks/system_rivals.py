@@ -8,7 +8,9 @@ numbers to the same runs, and say what they think of the fit. PySINDy looks for 
 the speed, by the rule of the launcher's rivals (truearc_proof.rivals.sindy), with the true shape among its candidates.
 """
 
+import io
 import sys
+from contextlib import redirect_stdout
 from typing import Any
 
 import numpy as np
@@ -79,7 +81,8 @@ def by_mujoco(table: dict[str, np.ndarray]) -> list[str]:
         params.add(sysid.Parameter(name, value, value / 10.0, value * 10.0, modifier=modifier))
     residual = sysid.build_residual_fn(models_sequences=[sysid.ModelSequences(
         "joint", spec, [f"run {run}" for run in range(RUNS)], [start] * RUNS, control, seen)])
-    fitted, result = sysid.optimize(initial_params=params, residual_fn=residual, optimizer="mujoco", verbose=False)
+    with redirect_stdout(io.StringIO()):
+        fitted, result = sysid.optimize(initial_params=params, residual_fn=residual, optimizer="mujoco", verbose=False)
     left = residual(result.x, fitted)[0]
     half = sysid.calculate_intervals(left, result.jac)[1]
     numbers = ", ".join(f"{name} {value:.4g} +- {reach:.2g}" for name, value, reach in zip(

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy.special import ndtr
 from scipy.stats import norm
 
-from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
+from truearc.sim.discover.detect.covariates import covariates_among
 from truearc.sim.infer.likelihood.score_table import Array, Column
 from truearc.sim.systems.system import Recording, SystemSpec
 
@@ -155,29 +155,6 @@ def covariates_of(recording: Recording, system: SystemSpec, names: Sequence[str]
     return found
 
 
-def engine_covariates(values: dict[str, Float[Array, " R"]]) -> tuple[Covariate, ...]:
-    """Return the covariates that vary; those that vary alike are one with several names."""
-    found: list[Covariate] = []
-    for name, one in values.items():
-        if not varies(one):
-            continue
-        twin = next((k for k, other in enumerate(found) if abs(np.corrcoef(other.values, one)[0, 1]) >= 0.98), None)
-        if twin is None:
-            found.append(Covariate(((name, one),)))
-        else:
-            found[twin] = Covariate((*found[twin].columns, (name, one)))
-    return tuple(found)
-
-
-def factors_of(session: Array | None, recording: Recording) -> tuple[Factor, ...]:
-    """Return the sessions of the rows, if there are two to twenty."""
-    if session is None:
-        return ()
-    texts = np.array([str(session[place[0]]) for place in recording.place])
-    levels = tuple(sorted(set(texts.tolist())))
-    return (Factor("session", levels, np.searchsorted(levels, texts)),) if 2 <= len(levels) <= 20 else ()
-
-
 @dataclass(frozen=True, eq=False)
 class Believed:
     """The believed simulation of a recording: values of states, inputs and conditions [R, T] each, rates [R, T, S]."""
@@ -193,7 +170,7 @@ def parameter_candidates(system: SystemSpec, values: dict[str, Float[Array, " R"
         usual = USUAL_CHANGE if one.log else max(USUAL_CHANGE * abs(one.centre), 0.3 * one.sd)
         unit = "1" if one.log else "unit"
         yield Candidate(f"change of {name}", f"{name} changes", unit, usual, PARAMETER, ("parameter", k), kind="free")
-        for covariate in engine_covariates(values):
+        for covariate in covariates_among(values):
             along = Along(covariate.name, float(covariate.values.mean()), float(covariate.values.std()))
             word = _word(covariate.name)
             yield Candidate(f"{name}_with_{word}", f"{name} varies with {covariate.name}", unit, usual, PARAMETER,

@@ -13,11 +13,12 @@ from truearc.errors import InputError
 from truearc.sim.discover import finding as parts
 from truearc.sim.discover.decide import Search, Step, decide, gain_interval, judge_left, verdict_of
 from truearc.sim.discover.detect.battery import ALLOWANCE, TERMS, Asked, Judged, judge, name_of
-from truearc.sim.discover.detect.covariates import Covariate
+from truearc.sim.discover.detect.covariates import Covariate, covariates_among, factors_among
 from truearc.sim.discover.detect.localization import contrast_of, locate, size_weights
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Interval, Named, Unknown, Where
 from truearc.sim.discover.identifiability import Sight, sight_of
 from truearc.sim.discover.next_steps import contest_of, worth
+from truearc.sim.discover.report.build_finding import results_of
 from truearc.sim.discover.select.posterior import climb_carried
 from truearc.sim.discover.select.terms import TOLD_APART, one_step
 from truearc.sim.infer.fit import Fit, climb, fit_believed
@@ -32,7 +33,7 @@ from truearc.sim.systems.system import Believed, Runs, SystemSpec
 
 ONE_NAME = 0.98                       # correlation of scores above which candidates are one name (the design)
 FEWEST_ROWS = 8                       # that signs of a test need, as for shots
-LISTED, TESTS = 12, 40                # names and tests in an answer; chosen: a page each
+LISTED = 12                           # names in an answer; chosen: a page
 PLANNED = 8                           # further runs that a plan proposes; chosen: an afternoon
 REACH = (0.5, 2.0)                    # of the recorded range of a condition, where a plan looks; chosen
 INSTEAD = 0.95                        # correlation from which two parameters cannot be told apart
@@ -192,8 +193,8 @@ def investigate(system: SystemSpec, runs: Runs, say: Callable[["SystemInvestigat
         return SystemInvestigation(system, runs, _cannot(model, false_alarm, why))
     fitted = one_name_each(fit_believed(model, part_of(progress, 0.0, 0.3)))
     model = fitted.model
-    covariates = what.engine_covariates(model.covariates)
-    search = Search(rows, covariates, what.factors_of(model.session, model.recording), false_alarm, seed, None, "")
+    covariates = covariates_among(model.covariates)
+    search = Search(rows, covariates, factors_among(model.sessions), false_alarm, seed, None, "")
     scores = model.linearise(fitted.point, None, PIECES)[0]
     fine = replace(search, shots=len(scores.rows), covariates=tuple(
         Covariate(tuple((name, np.repeat(values, PIECES)) for name, values in one.columns)) for one in covariates),
@@ -231,18 +232,7 @@ def _with_everything(steps: Sequence[Step]) -> SystemFitted | None:
     first = steps[0]
     if first.change is None or first.change.family is None:
         return None
-    base = first.fitted
-    if first.change.names and all(name in first.naming.refits for name in first.change.names[:1]):
-        base = first.fitted.beside(first.naming.refits[first.change.names[0]])
-    part = first.change.family.part
-    if base is not first.fitted:           # columns have other places there
-        places = {column.name: k for k, column in enumerate(base.scores.columns)}
-        names = [first.fitted.scores.columns[k].name for k in part.columns]
-        if first.change.family.column == first.change.names[0] or not all(name in places for name in names):
-            base = first.fitted
-        else:
-            part = replace(part, columns=tuple(places[name] for name in names))
-    carried = base.model.carrying(base.point, False, part)
+    carried = first.fitted.model.carrying(first.fitted.point, False, first.change.family.part)
     return None if carried is None else climb_carried(carried)
 
 
@@ -286,8 +276,8 @@ def _record(fitted: SystemFitted, asked: Asked, judged: Judged, steps: Sequence[
     numbers = {column.name: model.shown(column.name, float(at))
                for column, at in zip(scores.columns[first:], scores.point[first:], strict=True)}
     data = _data(model, numbers, len(scores.rows))
-    mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, _tests(fitted, asked, judged), len(asked.tests),
-                              judged.families)
+    mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results_of(scores, asked, judged, false_alarm),
+                              len(asked.tests), judged.families)
     fit = _summary(fitted, more)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
@@ -297,21 +287,6 @@ def _record(fitted: SystemFitted, asked: Asked, judged: Judged, steps: Sequence[
     return FindingRecord(data, mismatch, _where(steps[0]), verdict.verdict, "", leading.unknown, fit, what=leading.what,
                          set=verdict.terms, next=plan(steps[0]), also=tuple(rest), unexplained=steps[0].unexplained,
                          withheld=leading.withheld)
-
-
-def _tests(fitted: SystemFitted, asked: Asked, judged: Judged) -> dict[str, parts.TestResult]:
-    """The strongest tests, one per column and covariate."""
-    found: dict[str, parts.TestResult] = {}
-    for k in np.argsort(judged.p_value, kind="stable").tolist():
-        test, column = asked.tests[k], fitted.scores.columns[asked.tests[k].column]
-        covariate = name_of(test, column)
-        key = column.name + (f" ~ {covariate}" if covariate and not column.follows else "")
-        if key not in found and len(found) < TESTS:
-            found[key] = parts.TestResult(column.stage, column.direction, covariate, test.shape,
-                                          float(judged.statistic[k]), float(judged.p_each[k]),
-                                          float(judged.p_value[k]), float(judged.amplitude[k]), column.unit,
-                                          float(judged.gain[k]))
-    return found
 
 
 def _summary(fitted: SystemFitted, more: SystemFitted | None) -> FitSummary:

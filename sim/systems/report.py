@@ -240,7 +240,7 @@ def curve_figure(found: SystemInvestigation) -> Figure | None:
     if not pushes:
         return None
     model = found.model
-    values = _values(found.more)
+    values = model.sources(found.more.model._states(found.more.point)[0])
     figure, panels = new_panels(8.0, 2.6 * len(pushes), len(pushes))
     for axes, (one, prior) in zip(panels, pushes, strict=True):
         assert one.push is not None
@@ -256,13 +256,3 @@ def curve_figure(found: SystemInvestigation) -> Figure | None:
         axes.plot(seen[::max(len(seen) // 300, 1)], np.full(len(seen[::max(len(seen) // 300, 1)]), axes.get_ylim()[0]),
                   "|", color="#888888", markersize=6)
     return figure
-
-
-def _values(fitted: SystemFitted) -> list[Float[Array, "R T"]]:
-    model: SystemModel = fitted.model
-    states = model._states(fitted.point)[0]
-    recording = model.recording
-    return [*(states[:, :, k] for k in range(states.shape[2])),
-            *(recording.inputs[:, :, k] for k in range(recording.inputs.shape[2])),
-            *(np.broadcast_to(recording.conditions[:, [k]], recording.real.shape)
-              for k in range(recording.conditions.shape[1]))]

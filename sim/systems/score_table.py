@@ -45,7 +45,7 @@ class SystemModel(Flights):
 
     first_noise: Float[Array, "O 3"]
     labels: Mapping[str, Candidate]
-    session: Array | None
+    sessions: Mapping[str, Sequence[str]]
     members: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     sampled: bool = True
     has_one_top: bool = True
@@ -63,14 +63,15 @@ class SystemModel(Flights):
         recording = record(system, runs, rows, blind) if rows else record(system, runs, blind=blind)
         names = (*runs.inputs, *runs.conditions)
         system.compiled["names"] = names
-        session = None if runs.session is None else runs.columns[runs.session]
+        sessions = {} if runs.session is None else {"session": [
+            str(runs.columns[runs.session][place[0]]) for place in recording.place]}
         begin, begin_sd = starts_of(system, recording)
         shared = [Candidate(name, name, "1" if one.log else "unit", one.sd, what.PARAMETER, ("parameter", k))
                   for k, (name, one) in enumerate(system.believed.items())]
         noise = first_noise(system, recording)
         empty = SystemLayout((), np.zeros(0, dtype=int), np.zeros((0, 0)), np.zeros(0))
         bare = SystemModel(system, recording, (), (), empty, begin, begin_sd, 1, names, np.zeros((0, 2)), noise, {},
-                           session)
+                           sessions)
         found = [one for one, _ in system.found]
         bare = bare._laid_out(shared, found, [])
         bare = replace(bare, substeps=bare._enough_steps())
@@ -90,11 +91,8 @@ class SystemModel(Flights):
         if system.rate is None:
             return found
         states = self._states(self.starts()[0])[0]
-        u = [recording.inputs[:, :, k] for k in range(recording.inputs.shape[2])]
-        u += [np.broadcast_to(recording.conditions[:, [k]], recording.real.shape)
-              for k in range(recording.conditions.shape[1])]
-        values = [*(states[:, :, k] for k in range(states.shape[2])), *u]
-        stepper = replace(self._stepper(()))
+        values = self.sources(states)
+        stepper = self._stepper(())
         flat = [one.reshape(-1) for one in values]
         s = states.shape[2]
         p = np.array([one.centre for one in system.believed.values()])
@@ -129,19 +127,18 @@ class SystemModel(Flights):
     def _laid_out(self, shared: Sequence[Candidate], found: Sequence[Candidate],
                   tested: Sequence[Candidate]) -> "SystemModel":
         """The model with these columns: free ones, terms, then shared ones, effects found before, and the noise."""
-        ordered = sorted(tested, key=lambda one: one.kind == "term")
-        every = [*ordered, *shared, *found]
+        every = [*sorted(tested, key=lambda one: one.kind == "term"), *shared, *found]
         slots: dict[Any, int] = {}
+        first: list[Candidate] = []
         entries = []
         for one in every:
             key = (one.slot, one.shape, one.push if one.push is None else id(one.push))
             number = slots.setdefault(key, len(slots))
+            first += [one] if number == len(first) else []
             weight = (np.ones(len(self.recording.run)) if one.along is None
                       else one.along.weight(self.recording, self.covariates))
-            column = replace(one.column, kind="shared") if one in [*shared, *found] else one.column
+            column = one.column if one in tested else replace(one.column, kind="shared")
             entries.append(Entry(column, number, weight))
-        first = {number: one for one in reversed(every) for key, number in slots.items()
-                 if key == (one.slot, one.shape, one.push if one.push is None else id(one.push))}
         priors = [*self.system.believed.values(), *(prior for _, prior in self.system.found)]
         columns, source = [one.column for one in entries], list(range(len(entries)))
         centre, sd = [one.place for one in priors], [one.sd for one in priors]
@@ -149,10 +146,10 @@ class SystemModel(Flights):
             for k in range(1 if stated is not None else 0, 3):
                 columns.append(Column(f"scatter.{name}{NOISE[k]}", "shared", what.OUTPUT, "", "1", SIZE_SD))
                 source.append(-1 - 3 * o - k)
-                centre.append(float(self.prior_noise[o, k]))
+                centre.append(float(self.first_noise[o, k]))
                 sd.append(TIME_SD if k == 2 else SIZE_SD)
         layout = SystemLayout(tuple(columns), np.array(source), np.diag(np.array(sd)**-2.0), np.array(centre))
-        return replace(self, slots=tuple(first[k] for k in range(len(first))), entries=tuple(entries), layout=layout,
+        return replace(self, slots=tuple(first), entries=tuple(entries), layout=layout,
                        labels={one.name: one for one in every}, places=np.zeros((len(first), 2)))
 
     def placed(self, place: float) -> Float[Array, "V 2"]:
@@ -173,11 +170,6 @@ class SystemModel(Flights):
         entries = [one if (candidate := self.labels.get(one.column.name)) is None or candidate.along is None else
                    replace(one, weight=candidate.along.weight(self.recording, self.covariates)) for one in self.entries]
         return replace(self, entries=tuple(entries))
-
-    @cached_property
-    def prior_noise(self) -> Float[Array, "O 3"]:
-        """Centres of the noise's logs."""
-        return self.first_noise
 
     def _enough_steps(self) -> int:
         """Substeps of a sample by which flights agree with those of half the step."""
@@ -258,7 +250,7 @@ class SystemModel(Flights):
         both = weight[:, :, None] * weight[:, None, :]
         bend[np.ix_(np.arange(len(left)), own, own)] = left[:, place][:, :, place] * both
         layout, p = self.layout, self.layout.first_shared
-        at = np.array([point.values[n] if n >= 0 else point.noise[divmod(-1 - n, 3)] for n in layout.source])
+        at = np.array([point.values[n] if n >= 0 else point.noise.ravel()[-1 - n] for n in layout.source])
         pull = layout.precision @ (layout.centre - at[p:])
         table = make_evidence(np.arange(len(left)), columns, at, linear, bend, None, layout.precision, pull, log)
         return table, replace(point, start=start)
@@ -298,13 +290,10 @@ class SystemModel(Flights):
         return self.linearise(point)[1]
 
     def moved(self, point: SystemPoint, change: Float[Array, " P"]) -> SystemPoint:
-        values, noise, source = point.values.copy(), point.noise.copy(), self.layout.source
+        values, noise, source = point.values.copy(), point.noise.ravel().copy(), self.layout.source
         values[source[source >= 0]] += change[source >= 0]
-        for k in np.flatnonzero(source < 0):
-            o, number = divmod(-1 - source[k], 3)
-            noise[o, number] += np.clip(change[k], -1.0, 1.0)
-        low, high = self.noise_ends
-        return replace(point, values=values, noise=np.clip(noise, low, high))
+        noise[-1 - source[source < 0]] += np.clip(change[source < 0], -1.0, 1.0)
+        return replace(point, values=values, noise=np.clip(noise.reshape(point.noise.shape), *self.noise_ends))
 
     @cached_property
     def noise_ends(self) -> tuple[Float[Array, "O 3"], Float[Array, "O 3"]]:
@@ -317,11 +306,9 @@ class SystemModel(Flights):
         return low, high
 
     def leads_out(self, point: SystemPoint, step: Float[Array, " P"]) -> Bool[Array, " P"]:
-        out, (low, high) = np.full(len(step), False), self.noise_ends
-        for k in np.flatnonzero(self.layout.source < 0):
-            at = divmod(-1 - self.layout.source[k], 3)
-            now = point.noise[at]
-            out[k] = (now <= low[at] and step[k] < 0.0) or (now >= high[at] and step[k] > 0.0)
+        out, own = np.full(len(step), False), self.layout.source < 0
+        now, low, high = (one.ravel()[-1 - self.layout.source[own]] for one in (point.noise, *self.noise_ends))
+        out[own] = (now <= low) & (step[own] < 0.0) | (now >= high) & (step[own] > 0.0)
         return out
 
     def is_lost(self, point: SystemPoint) -> bool:
@@ -347,22 +334,20 @@ class SystemModel(Flights):
                 for k, one in enumerate(self.slots[slots[name]].shape) if len(one.values) > 1]
 
     def shared_only(self, names: Iterable[str] = ()) -> "SystemModel":
-        layout, wanted = self.layout, {*names}
-        first = layout.first_shared
-        promoted = [k for k in range(first) if layout.columns[k].name in wanted]
-        return self._sharing(promoted, [])
+        return self._sharing({*names}, tested=False)
 
     def sharing(self, names: tuple[str, ...]) -> "SystemModel":
-        first, wanted = self.layout.first_shared, {*names}
-        promoted = [k for k in range(first) if self.layout.columns[k].name in wanted]
-        return self._sharing(promoted, [k for k in range(first) if k not in promoted])
+        return self._sharing({*names}, tested=True)
 
-    def _sharing(self, promoted: Sequence[int], tested: Sequence[int]) -> "SystemModel":
-        """The model with some tested columns among the shared ones, the first of them, and with these tested."""
+    def _sharing(self, names: set[str], tested: bool) -> "SystemModel":
+        """The model with tested columns of these names among the shared ones, the first of them, the rest tested or
+        not."""
         layout, first = self.layout, self.layout.first_shared
-        columns = [*(layout.columns[k] for k in tested), *(replace(layout.columns[k], kind="shared") for k in promoted),
+        promoted = [k for k in range(first) if layout.columns[k].name in names]
+        left = [k for k in range(first) if tested and k not in promoted]
+        columns = [*(layout.columns[k] for k in left), *(replace(layout.columns[k], kind="shared") for k in promoted),
                    *layout.columns[first:]]
-        source = np.concatenate([layout.source[[*tested, *promoted]], layout.source[first:]]).astype(int)
+        source = np.concatenate([layout.source[[*left, *promoted]], layout.source[first:]]).astype(int)
         precision = np.zeros((len(promoted) + len(layout.centre),) * 2)
         precision[len(promoted):, len(promoted):] = layout.precision
         for k, column in enumerate(promoted):
@@ -437,7 +422,7 @@ class SystemModel(Flights):
                               np.concatenate([new, layout.source[first:]]).astype(int), layout.precision, layout.centre)
         model = replace(self, entries=tuple(entries), layout=tested)
         begin = replace(point, values=np.concatenate([point.values, np.zeros(len(new))]))
-        return Carrying(model._sharing(range(len(new)), []), [begin])
+        return Carrying(model.shared_only(column.name for column in columns), [begin])
 
 
 @dataclass(frozen=True, eq=False, init=False)

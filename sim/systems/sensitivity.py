@@ -219,6 +219,12 @@ class Flights:
         stepper, pushes, _, _, z, x0, _ = drive
         return stepper.path(x0, z, self.recording.conditions, self.recording.step_s, pushes), drive
 
+    def sources(self, states: Float[Array, "R T S"]) -> list[Float[Array, "R T"]]:
+        """Return the values that pushes read: states, inputs, conditions."""
+        recording = self.recording
+        held = np.broadcast_to(recording.conditions[:, None], (*recording.real.shape, recording.conditions.shape[1]))
+        return list(np.moveaxis(np.concatenate([states, recording.inputs, held], axis=2), 2, 0))
+
     def _by_rate(self, point: SystemPoint, values: Float[Array, "R V"], slots: tuple[int, ...]) -> tuple[
             Array, Array, Array]:
         recording, s, p = self.recording, len(self.system.state), len(self.system.believed)
@@ -237,9 +243,7 @@ class Flights:
         phi = np.where(live, by[:, :, :, :s], np.eye(s))
         at = np.cumsum([0, s, p, s, len(pushes.rate), len(own), recording.inputs.shape[2]]).tolist()
         force = np.zeros((rows, steps, s, len(slots) + s))
-        sources = [*(states[:, :, k] for k in range(s)), *(recording.inputs[:, :, k] for k in range(
-            recording.inputs.shape[2])), *(np.broadcast_to(recording.conditions[:, [k]], recording.real.shape)
-                                           for k in range(recording.conditions.shape[1]))]
+        sources = self.sources(states)
         for number, slot in enumerate(slots):
             kind, k = self.slots[slot].slot
             push = self.slots[slot].push
