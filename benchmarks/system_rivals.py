@@ -87,7 +87,7 @@ def by_mujoco(table: dict[str, np.ndarray]) -> list[str]:
     half = sysid.calculate_intervals(left, result.jac)[1]
     numbers = ", ".join(f"{name} {value:.4g} +- {reach:.2g}" for name, value, reach in zip(
         fitted.keys(), result.x, half, strict=True))
-    said = AutomatedInsights(fitted, result.x)._generate_insights()
+    said = AutomatedInsights("log", fitted)._generate_insights()
     return ["mujoco.sysid", f"{numbers} (95 %)", *(f"{one['title']}: {one['message']}" for one in said)]
 
 
