@@ -5,14 +5,16 @@ output), in some rows more than in others if it goes along a covariate. The usua
 of the believed rate.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import ndtr
+from scipy.stats import norm
 
-from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
+from truearc.sim.discover.detect.covariates import covariates_among
 from truearc.sim.infer.likelihood.score_table import Array, Column
 from truearc.sim.systems.system import Recording, SystemSpec
 
@@ -20,34 +22,69 @@ USUAL_PUSH = 0.1                      # of the rms of the believed rate (the des
 # Chosen: instruments are calibrated to a few per cent; a clip cuts half of what is beyond
 USUAL_CHANGE, USUAL_SCALE, USUAL_OFFSET, USUAL_CLIP = 0.1, 0.05, 0.03, 0.5
 USUAL_DELAY = 2.0                     # median time steps; chosen
+# Centres of the priors of shape numbers. A factor of three either way holds 68 %, as does one standard deviation
+# of the normal distribution that a level's share of the recorded values is read from. Measured (docs/measured/
+# systems.md): with a fixed width dry friction was named Stribeck, with a fixed level an overflow a cubic push
 SMOOTH = 0.01                         # of a speed's range over which a sign is smoothed (the design)
 SLOW = 0.1                            # of a speed's range within which Stribeck friction fades; chosen
-HIGH, LOW = 85.0, 15.0                # percentiles of the levels above and below which a push begins; chosen
 BAND = 0.2                            # of an input's range in a dead band; chosen
+HIGH = 0.85                           # share of the recorded values below an upper level; chosen
+FACTOR, ENDS, GRID = 3.0, 3.0, 25     # of a width; deviations to the end of a search, and places in between
+TRIED = (0.0, -1.6, -0.8, 0.8, 1.6)   # places of shape numbers that one step compares; chosen
 BUMPS = 6                             # shapes of a smooth curve; chosen: two bends within the range
 KNOTS, BEYOND, DENSE = 257, 3.0, 5.0  # of a table, which reaches this many ranges, and how much denser its middle is
 OUTPUT, INPUT, PARAMETER, RATE = "output", "input", "parameter", "rate"
+Shaped = tuple[str, str, Callable[..., Any], tuple["Number", ...]]      # word, label, law and shape numbers of a push
+
+
+@dataclass(frozen=True)
+class Number:
+    """A shape number of a candidate, such as a level: its values at places from -ENDS to ENDS standard deviations from
+    its prior's centre; a single value is fixed."""
+
+    word: str
+    values: tuple[float, ...]
+
+    def at(self, place: float) -> float:
+        """Return the number at a place."""
+        return float(np.interp(place, np.linspace(-ENDS, ENDS, len(self.values)), self.values))
+
+
+def scaled(word: str, centre: float) -> Number:
+    """Return a positive number that is known to a factor."""
+    return Number(word, tuple((centre * FACTOR**np.linspace(-ENDS, ENDS, GRID)).tolist()))
+
+
+def level(values: Float[Array, " m"], share: float) -> Number:
+    """Return a level that about this share of the values is below."""
+    places = np.linspace(-ENDS, ENDS, GRID) + norm.ppf(share)
+    return Number("level", tuple(np.quantile(values, ndtr(places)).tolist()))
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A push on rate number `rate` (from the number of states on: on an input): a table over value `reads`, times value
-    `times` (-1: 1)."""
+    """A push on rate number `rate` (from the number of states on: on an input): a law of value `reads` and of shape
+    numbers, which is tabled at the knots, times value `times` (-1: 1)."""
 
     rate: int
     reads: int
     times: int
     knots: Float[Array, " G"]
-    table: Float[Array, " G"]
+    law: Callable[..., Any]
 
-    def of(self, values: Sequence[Float[Array, "..."]]) -> Float[Array, "..."]:
-        """Return the push of amplitude 1 along values."""
-        found = self.drawn(values)
-        return found if self.times < 0 else found * values[self.times]
+    def at(self, numbers: Sequence[float]) -> tuple[Float[Array, " G"], Float[Array, " G"]]:
+        """Return the table for shape numbers: knots, these among them, since a push may bend there, and the law."""
+        more = [*numbers, *(0.5 * (self.knots[:2] + self.knots[1:3]))[len(numbers):]]
+        knots = np.sort(np.concatenate([self.knots, more]))
+        return knots, np.asarray(self.law(knots, *numbers), dtype=float)
 
-    def drawn(self, values: Sequence[Float[Array, "..."]]) -> Float[Array, "..."]:
+    def drawn(self, values: Sequence[Float[Array, "..."]], numbers: Sequence[float]) -> Float[Array, "..."]:
         """Return the table along values."""
-        return np.asarray(np.interp(values[self.reads], self.knots, self.table))
+        return np.asarray(np.interp(values[self.reads], *self.at(numbers)))
+
+    def of(self, values: Sequence[Float[Array, "..."]], numbers: Sequence[float]) -> Float[Array, "..."]:
+        """Return the push of amplitude 1 along values."""
+        return self.drawn(values, numbers) * (1.0 if self.times < 0 else values[self.times])
 
 
 @dataclass(frozen=True)
@@ -72,7 +109,8 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """slot: (kind, number of the parameter, output, input or effect). label: words. curve: of which it is one shape."""
+    """slot: (kind, number of the parameter, output, input or effect). label: words. curve: of which it is one part.
+    shape: numbers that are fitted besides the amplitude; usual_at: usual amplitudes with the last of them at TRIED."""
 
     name: str
     label: str
@@ -86,7 +124,17 @@ class Candidate:
     follows: str = ""
     curve: str = ""
     direction: str = ""
-    level: float = field(default=np.nan)
+    shape: tuple[Number, ...] = ()
+    usual_at: tuple[float, ...] = ()
+
+    def numbers(self, places: Sequence[float] = ()) -> tuple[float, ...]:
+        """Return the shape numbers at places; by default at their priors' centres."""
+        return tuple(one.at(places[k] if len(places) else 0.0) for k, one in enumerate(self.shape))
+
+    def fixed(self, places: Sequence[float]) -> "Candidate":
+        """Return the candidate with its shape numbers fixed at places."""
+        numbers = self.numbers(places)
+        return replace(self, shape=tuple(Number(one.word, (at,)) for one, at in zip(self.shape, numbers, strict=True)))
 
     @property
     def column(self) -> Column:
@@ -107,29 +155,6 @@ def covariates_of(recording: Recording, system: SystemSpec, names: Sequence[str]
     return found
 
 
-def engine_covariates(values: dict[str, Float[Array, " R"]]) -> tuple[Covariate, ...]:
-    """Return the covariates that vary; those that vary alike are one with several names."""
-    found: list[Covariate] = []
-    for name, one in values.items():
-        if not varies(one):
-            continue
-        twin = next((k for k, other in enumerate(found) if abs(np.corrcoef(other.values, one)[0, 1]) >= 0.98), None)
-        if twin is None:
-            found.append(Covariate(((name, one),)))
-        else:
-            found[twin] = Covariate((*found[twin].columns, (name, one)))
-    return tuple(found)
-
-
-def factors_of(session: Array | None, recording: Recording) -> tuple[Factor, ...]:
-    """Return the sessions of the rows, if there are two to twenty."""
-    if session is None:
-        return ()
-    texts = np.array([str(session[place[0]]) for place in recording.place])
-    levels = tuple(sorted(set(texts.tolist())))
-    return (Factor("session", levels, np.searchsorted(levels, texts)),) if 2 <= len(levels) <= 20 else ()
-
-
 @dataclass(frozen=True, eq=False)
 class Believed:
     """The believed simulation of a recording: values of states, inputs and conditions [R, T] each, rates [R, T, S]."""
@@ -145,7 +170,7 @@ def parameter_candidates(system: SystemSpec, values: dict[str, Float[Array, " R"
         usual = USUAL_CHANGE if one.log else max(USUAL_CHANGE * abs(one.centre), 0.3 * one.sd)
         unit = "1" if one.log else "unit"
         yield Candidate(f"change of {name}", f"{name} changes", unit, usual, PARAMETER, ("parameter", k), kind="free")
-        for covariate in engine_covariates(values):
+        for covariate in covariates_among(values):
             along = Along(covariate.name, float(covariate.values.mean()), float(covariate.values.std()))
             word = _word(covariate.name)
             yield Candidate(f"{name}_with_{word}", f"{name} varies with {covariate.name}", unit, usual, PARAMETER,
@@ -167,119 +192,105 @@ def signal_candidates(system: SystemSpec, recording: Recording, inputs: Sequence
         known = seen[recording.real & np.isfinite(seen)]
         if not len(known) or np.ptp(known) <= 0.0:
             continue
-        low, high = np.percentile(known, [LOW, HIGH])
-        own = [("scale", f"{name} is scaled (gain)", "1", USUAL_SCALE, np.nan),
-               ("offset", f"{name} has an offset (bias)", "unit", USUAL_OFFSET * np.ptp(known), np.nan),
-               ("delay", f"{name} is late (delay)", "s", delay, np.nan),
-               ("clip_high", f"{name} is clipped above {high:.3g}", "1", USUAL_CLIP, float(high)),
-               ("clip_low", f"{name} is clipped below {low:.3g}", "1", USUAL_CLIP, float(low))]
-        for kind, label, unit, usual, level in own:
-            yield Candidate(f"{name}_{side}put_{kind}", label, unit, float(usual), stage, (f"{side}_{kind}", k),
-                            level=level)
+        own: list[tuple[str, str, str, float, tuple[Number, ...]]] = [
+            ("scale", f"{name} is scaled (gain)", "1", USUAL_SCALE, ()),
+            ("offset", f"{name} has an offset (bias)", "unit", USUAL_OFFSET * float(np.ptp(known)), ()),
+            ("delay", f"{name} is late (delay)", "s", delay, ()),
+            ("clip_high", f"{name} is clipped above a level", "1", USUAL_CLIP, (level(known, HIGH),)),
+            ("clip_low", f"{name} is clipped below a level", "1", USUAL_CLIP, (level(known, 1.0 - HIGH),))]
+        for kind, label, unit, usual, shape in own:
+            yield Candidate(f"{name}_{side}put_{kind}", label, unit, usual, stage, (f"{side}_{kind}", k), shape=shape)
         if side == "out":
             yield Candidate(f"offset of {name}", f"{name} is off", "unit", USUAL_OFFSET * float(np.ptp(known)), stage,
                             ("out_offset", k), kind="free")
 
 
 def push_candidates(system: SystemSpec, recording: Recording, believed: Believed) -> Iterator[Candidate]:
-    """Pushes on every rate that is not itself a state, by every state, input and condition."""
-    s, real = len(system.state), recording.real
+    """Pushes by every state, input and condition: on every rate that is not itself a state, and beside every input.
+
+    What a push beside an input, such as a friction beside a force, does to a rate depends on the run as the input's
+    effect does, such as by its mass.
+    """
+    s, real, moving = len(system.state), recording.real, recording.inputs.shape[2]
     kinematic = _kinematic(believed, real, s)
-    speeds = sorted(set(kinematic.values())) or [j for j in range(s) if _both_signs(believed.values[j][real])]
-    for i in (k for k in range(s) if k not in kinematic):
-        size = USUAL_PUSH * float(np.sqrt(np.mean(believed.rates[:, :, i][real]**2)))
-        if not size > 0.0:
-            continue
-        shapes = [(0, -1, "constant", "a constant push", np.ones_like)]
-        for j, name in enumerate(believed.names):
-            values = believed.values[j][real]
-            if np.ptp(values) <= 1e-9 * (1e-9 + np.abs(values).max()):
-                continue
-            shapes += [(j, -1, *one) for one in _shapes(name, values, j < s, j in kinematic, j in speeds,
-                                                        len(recording.inputs[0, 0]) + s > j)]
-        shapes += _by_load(believed, real, speeds, s)
-        rate = system.state[i]
-        for j, times, word, label, law in shapes:
-            table = _table(i, j, times, believed.values[j][real], law)
-            rms = float(np.sqrt(np.mean(table.of(believed.values)[real]**2)))
-            if rms > 0.0:
-                yield Candidate(f"{rate}_{word}", f"{label}, on the rate of {rate}", "unit", size / rms, RATE,
-                                ("push", 0), push=table, direction=rate)
-        for j, name in enumerate(believed.names[:s + recording.inputs.shape[2]]):
-            yield from _curve(i, j, rate, name, believed.values[j][real], size)
-        yield Candidate(f"push on {rate}", f"{rate} is pushed", "unit", size, RATE, ("push", 0),
-                        push=_table(i, 0, -1, believed.values[0][real], np.ones_like), kind="free", direction=rate)
-    yield from _through_inputs(believed, recording, s)
+    values = [one[real] for one in believed.values]
+    varying = [j for j in range(len(values)) if np.ptp(values[j]) > 1e-9 * (1e-9 + np.abs(values[j]).max())]
+    both_signs = [j for j in range(s) if _both_signs(values[j])]
+    speeds = sorted(set(kinematic.values())) or both_signs
+    rates = [(i, USUAL_PUSH * float(np.sqrt(np.mean(believed.rates[:, :, i][real]**2)))) for i in range(s)
+             if i not in kinematic]
+    inputs = [(s + k, USUAL_PUSH * (float(np.sqrt(np.mean(values[s + k]**2))) or 1.0)) for k in range(moving)]
+    for i, size in (*((i, size) for i, size in rates if size > 0.0), *inputs):
+        target, rate = believed.names[i], i < s
+        shapes: list[tuple[int, int, Shaped]] = [] if not rate else [
+            (0, -1, ("constant", "a constant push", np.ones_like, ()))]
+        for j in varying if rate else [j for j in varying if j < s]:
+            shapes += [(j, -1, one) for one in _shapes(believed.names[j], values[j], j < s, rate and j in kinematic,
+                                                       j in (speeds if rate else both_signs), rate, j < s + moving)]
+        for j in speeds if rate else ():
+            shapes += [(j, k, (f"{believed.names[k]}_sign_{believed.names[j]}", f"friction against {believed.names[j]} "
+                               f"that grows with {believed.names[k]}", _sign, (_width(values[j]),)))
+                       for k in range(s, len(values)) if np.ptp(values[k]) > 0.0]
+        for j, times, (word, label, law, shape) in shapes:
+            push = Table(i, j, times, _knots(values[j]), law)
+            rms = [float(np.sqrt(np.mean(push.of(values, [*(one.at(0.0) for one in shape[:-1]), *(
+                one.at(place) for one in shape[-1:])])**2))) for place in (TRIED if shape else TRIED[:1])]
+            if rms[0] > 0.0:
+                yield Candidate(f"{target}_{word}", f"{label}, {'on the rate of' if rate else 'beside'} {target}",
+                                "unit", size / rms[0], RATE if rate else INPUT, ("push", 0), push=push,
+                                direction=target, shape=shape,
+                                usual_at=tuple(size / (one or rms[0]) for one in rms) if shape else ())
+        if rate:
+            for j in range(s + moving):
+                yield from _curve(i, j, target, believed.names[j], values[j], size)
+            yield Candidate(f"push on {target}", f"{target} is pushed", "unit", size, RATE, ("push", 0), kind="free",
+                            push=Table(i, 0, -1, _knots(values[0]), np.ones_like), direction=target)
 
 
-def _through_inputs(believed: Believed, recording: Recording, s: int) -> Iterator[Candidate]:
-    """Pushes by each state that come in where an input does: a friction or spring force beside a force. What they do to
-    a rate depends on the run as the input's effect does, such as by its mass."""
-    real = recording.real
-    for k in range(recording.inputs.shape[2]):
-        name, drive = believed.names[s + k], believed.values[s + k][real]
-        size = USUAL_PUSH * (float(np.sqrt(np.mean(drive**2))) or 1.0)
-        for j in range(s):
-            values = believed.values[j][real]
-            if np.ptp(values) <= 1e-9 * (1e-9 + np.abs(values).max()):
-                continue
-            shapes = [one for one in _shapes(believed.names[j], values, True, False, _both_signs(values), True)
-                      if not one[0].startswith(("above", "below"))]
-            for word, label, law in shapes:
-                table = _table(s + k, j, -1, values, law)
-                rms = float(np.sqrt(np.mean(table.of(believed.values)[real]**2)))
-                if rms > 0.0:
-                    yield Candidate(f"{name}_{word}", f"{label}, beside {name}", "unit", size / rms, INPUT, ("push", 0),
-                                    push=table, direction=name)
-
-
-def _by_load(believed: Believed, real: Array, speeds: Sequence[int],
-             s: int) -> Iterator[tuple[int, int, str, str, Any]]:
-    """The sign of a speed times an input or condition."""
-    for j in speeds:
-        scale = SMOOTH * np.ptp(believed.values[j][real])
-        for load in range(s, len(believed.names)):
-            if np.ptp(believed.values[load][real]) > 0.0:
-                name, speed = believed.names[load], believed.names[j]
-                yield (j, load, f"{name}_sign_{speed}", f"friction against {speed} that grows with {name}",
-                       lambda v, scale=scale: np.tanh(v / scale))
-
-
-def _shapes(name: str, values: Float[Array, " m"], state: bool, position: bool, speed: bool,
-            moving: bool) -> Iterator[tuple[str, str, Any]]:
-    """(word, label, law) of the pushes by one value."""
-    reach = float(np.ptp(values))
-    yield f"prop_{name}", f"a push proportional to {name}", lambda v: v
+def _shapes(name: str, values: Float[Array, " m"], state: bool, position: bool, speed: bool, levels: bool,
+            moving: bool) -> Iterator[Shaped]:
+    """The pushes by one value."""
+    yield f"prop_{name}", f"a push proportional to {name}", lambda v: v, ()
     if not moving:
         return
-    low, high = np.percentile(values, [LOW, HIGH])
     if state:
-        yield f"square_{name}", f"a push by {name} x |{name}|", lambda v: v * np.abs(v)
+        yield f"square_{name}", f"a push by {name} x |{name}|", lambda v: v * np.abs(v), ()
+        yield f"cubic_{name}", f"a push by the cube of {name}", lambda v: v**3, ()
     if position:
-        yield f"cos_{name}", f"a push by the cosine of {name}", np.cos
-        yield f"sin_{name}", f"a push by the sine of {name}", np.sin
-    if state:
-        yield f"cubic_{name}", f"a push by the cube of {name}", lambda v: v**3
+        yield f"cos_{name}", f"a push by the cosine of {name}", np.cos, ()
+        yield f"sin_{name}", f"a push by the sine of {name}", np.sin, ()
     if speed:
-        yield (f"sign_{name}", f"a push by the sign of {name} (dry friction)",
-               lambda v: np.tanh(v / (SMOOTH * reach)))
+        width = _width(values)
+        yield f"sign_{name}", f"a push by the sign of {name} (dry friction)", _sign, (width,)
         yield (f"stribeck_{name}", f"a push by the sign of {name} that fades with speed (Stribeck)",
-               lambda v: np.tanh(v / (SMOOTH * reach)) * np.exp(-np.abs(v) / (SLOW * reach)))
+               lambda v, width, slow: np.tanh(v / width) * np.exp(-np.abs(v) / slow),
+               (width, scaled("fading speed", SLOW * float(np.ptp(values)))))
     if not state and _both_signs(values):
-        yield f"band_{name}", f"a dead band of {name}", lambda v: np.clip(v, -BAND * reach, BAND * reach)
-    yield (f"above_{name}", f"a push where {name} is above {high:.3g} (overflow, end stop)",
-           lambda v: np.maximum(v - high, 0.0))
-    yield (f"below_{name}", f"a push where {name} is below {low:.3g} (end stop)", lambda v: np.minimum(v - low, 0.0))
+        yield (f"band_{name}", f"a dead band of {name}", lambda v, band: np.clip(v, -band, band),
+               (scaled("band", BAND * float(np.ptp(values))),))
+    if levels:
+        yield (f"above_{name}", f"a push where {name} is above a level (overflow, end stop)",
+               lambda v, at: np.maximum(v - at, 0.0), (level(values, HIGH),))
+        yield (f"below_{name}", f"a push where {name} is below a level (end stop)",
+               lambda v, at: np.minimum(v - at, 0.0), (level(values, 1.0 - HIGH),))
+
+
+def _sign(v: Any, width: float) -> Any:
+    return np.tanh(v / width)
+
+
+def _width(values: Float[Array, " m"]) -> Number:
+    return scaled("width", SMOOTH * float(np.ptp(values)))
 
 
 def _curve(i: int, j: int, rate: str, name: str, values: Float[Array, " m"], size: float) -> Iterator[Candidate]:
-    """The shapes of a smooth push along one value."""
+    """The parts of a smooth push along one value."""
     low, high = np.percentile(values, [2.0, 98.0])
     if high <= low:
         return
     width = (high - low) / (BUMPS - 1)
     for k, middle in enumerate(np.linspace(low, high, BUMPS)):
-        push = _table(i, j, -1, values, lambda v, middle=middle: np.exp(-0.5 * ((v - middle) / width)**2))
+        push = Table(i, j, -1, _knots(values), lambda v, middle=middle: np.exp(-0.5 * ((v - middle) / width)**2))
         yield Candidate(f"push on {rate} along {name} {k}", f"a push on {rate} along {name}", "unit", size, RATE,
                         ("push", 0), push=push, kind="free", follows=name, curve=f"push on {rate} along {name}",
                         direction=rate)
@@ -292,12 +303,12 @@ def effect_candidates(system: SystemSpec, usual: Sequence[float]) -> Iterator[Ca
                         direction=one.name)
 
 
-def _table(rate: int, reads: int, times: int, values: Float[Array, " m"], law: Any) -> Table:
+def _knots(values: Float[Array, " m"]) -> Float[Array, " G"]:
+    """Knots of a table, denser in its middle."""
     low, high = float(values.min()), float(values.max())
-    reach, middle = max(high - low, 1e-12), 0.0 if low < 0.0 < high else 0.5 * (low + high)
+    middle = 0.0 if low < 0.0 < high else 0.5 * (low + high)
     side = np.sinh(np.linspace(-DENSE, DENSE, KNOTS)) / np.sinh(DENSE)
-    knots = middle + BEYOND * reach * side
-    return Table(rate, reads, times, knots, np.asarray(law(knots), dtype=float))
+    return np.asarray(middle + BEYOND * max(high - low, 1e-12) * side)
 
 
 def _kinematic(believed: Believed, real: Array, s: int) -> dict[int, int]:

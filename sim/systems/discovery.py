@@ -11,13 +11,14 @@ from msgspec import UNSET, structs
 
 from truearc.errors import InputError
 from truearc.sim.discover import finding as parts
-from truearc.sim.discover.decide import Search, Step, decide, gain_interval, verdict_of
+from truearc.sim.discover.decide import Search, Step, decide, gain_interval, judge_left, verdict_of
 from truearc.sim.discover.detect.battery import ALLOWANCE, TERMS, Asked, Judged, judge, name_of
-from truearc.sim.discover.detect.covariates import Covariate
-from truearc.sim.discover.detect.localization import Place, contrast_of, locate, size_weights
+from truearc.sim.discover.detect.covariates import Covariate, covariates_among, factors_among
+from truearc.sim.discover.detect.localization import contrast_of, locate, size_weights
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Interval, Named, Unknown, Where
 from truearc.sim.discover.identifiability import Sight, sight_of
 from truearc.sim.discover.next_steps import contest_of, worth
+from truearc.sim.discover.report.build_finding import results_of
 from truearc.sim.discover.select.posterior import climb_carried
 from truearc.sim.discover.select.terms import TOLD_APART, one_step
 from truearc.sim.infer.fit import Fit, climb, fit_believed
@@ -25,14 +26,14 @@ from truearc.sim.infer.likelihood.score_table import Array, clustered_error, fol
 from truearc.sim.printed import Progress, part_of
 from truearc.sim.statistics import Z90
 from truearc.sim.systems import candidates as what
-from truearc.sim.systems.candidates import Along, Candidate, Table
+from truearc.sim.systems.candidates import Along, Candidate
 from truearc.sim.systems.flight import is_traced
-from truearc.sim.systems.score_table import SystemModel
+from truearc.sim.systems.score_table import PIECES, SystemModel
 from truearc.sim.systems.system import Believed, Runs, SystemSpec
 
 ONE_NAME = 0.98                       # correlation of scores above which candidates are one name (the design)
 FEWEST_ROWS = 8                       # that signs of a test need, as for shots
-LISTED, TESTS = 12, 40                # names and tests in an answer; chosen: a page each
+LISTED = 12                           # names in an answer; chosen: a page
 PLANNED = 8                           # further runs that a plan proposes; chosen: an afternoon
 REACH = (0.5, 2.0)                    # of the recorded range of a condition, where a plan looks; chosen
 INSTEAD = 0.95                        # correlation from which two parameters cannot be told apart
@@ -98,7 +99,8 @@ def system_of(fitted: SystemFitted) -> SystemSpec:
             slot = model.slots[entry.slot]
             curves.setdefault(slot.curve or slot.name, []).append((entry, at, size))
         else:
-            found.append((model.labels[name], Believed(at, size)))
+            slot = model.entries[model.layout.source[number]].slot
+            found.append((model.labels[name].fixed(fitted.point.places[slot].tolist()), Believed(at, size)))
     found += [curve_of(model, name, many) for name, many in curves.items()]
     return system.with_beliefs(believed, tuple(found))
 
@@ -108,10 +110,9 @@ def curve_of(model: SystemModel, name: str, many: Sequence[tuple[Any, float, flo
     slots = [model.slots[entry.slot] for entry, *_ in many]
     push = slots[0].push
     if slots[0].curve and push is not None:
-        height = sum(at * np.interp(push.knots, one.push.knots, one.push.table)
-                     for one, (_, at, _) in zip(slots, many, strict=True) if one.push is not None)
-        table = Table(push.rate, push.reads, push.times, push.knots, np.asarray(height))
-        return Candidate(f"found {name}", f"a smooth {name}", "1", 1.0, what.RATE, ("push", 0), push=table,
+        parts = [(one.push.law, at) for one, (_, at, _) in zip(slots, many, strict=True) if one.push is not None]
+        whole = replace(push, law=lambda v: sum(at * law(v) for law, at in parts))
+        return Candidate(f"found {name}", f"a smooth {name}", "1", 1.0, what.RATE, ("push", 0), push=whole,
                          direction=slots[0].direction), Believed(1.0, 0.1)
     total = np.sum([at * entry.weight for entry, at, _ in many], axis=0)
     along = None
@@ -163,6 +164,23 @@ def one_name_each(fitted: SystemFitted) -> SystemFitted:
     return replace(fitted, model=replace(model, layout=layout, members=members), scores=fitted.scores.pick(columns))
 
 
+def well_placed(fitted: SystemFitted) -> SystemFitted:
+    """Return the fit with the last shape number of each candidate, such as a level, where one step favours it most."""
+    model: SystemModel = fitted.model
+    best, places, usual = dict.fromkeys(model.labels, -np.inf), model.places.copy(), {}
+    for number, place in enumerate(what.TRIED):
+        there = model.placed(place)
+        sizes = {name: one.usual_at[number] for name, one in model.labels.items() if one.usual_at}
+        tried = model.with_places(there, sizes)
+        for one in one_step(tried.linearise(replace(fitted.point, places=there))[0])[0]:
+            if one.nats > best[one.name]:
+                slot = model.entries[model.layout.source[one.column]].slot
+                best[one.name], places[slot] = one.nats, there[slot]
+                usual[one.name] = sizes.get(one.name, fitted.scores.columns[one.column].usual)
+    point, moved = replace(fitted.point, places=places), model.with_places(places, usual)
+    return replace(fitted, model=moved, point=point, scores=moved.linearise(point)[0])
+
+
 def investigate(system: SystemSpec, runs: Runs, say: Callable[["SystemInvestigation"], str],
                 false_alarm: float = parts.FALSE_ALARM, seed: int = 0,
                 progress: Progress = lambda done, note: None) -> SystemInvestigation:
@@ -175,21 +193,26 @@ def investigate(system: SystemSpec, runs: Runs, say: Callable[["SystemInvestigat
         return SystemInvestigation(system, runs, _cannot(model, false_alarm, why))
     fitted = one_name_each(fit_believed(model, part_of(progress, 0.0, 0.3)))
     model = fitted.model
-    factors = what.factors_of(model.session, model.recording)
-    search = Search(rows, what.engine_covariates(model.covariates), factors, false_alarm, seed, None, "")
-    asked = search.ask(fitted)
+    covariates = covariates_among(model.covariates)
+    search = Search(rows, covariates, factors_among(model.sessions), false_alarm, seed, None, "")
+    scores = model.linearise(fitted.point, None, PIECES)[0]
+    fine = replace(search, shots=len(scores.rows), covariates=tuple(
+        Covariate(tuple((name, np.repeat(values, PIECES)) for name, values in one.columns)) for one in covariates),
+        factors=tuple(replace(one, codes=np.repeat(one.codes, PIECES)) for one in search.factors))
+    asked = fine.ask(replace(fitted, scores=scores))
     if not asked.tests:
         why = "no candidate has information in eight rows of like weight"
         return SystemInvestigation(system, runs, _cannot(model, false_alarm, why), fitted)
     judged = judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, parts.SIGN_DRAWS, seed,
                    part_of(progress, 0.3, 0.1))
-    place = locate(fitted.scores, asked, judged, false_alarm, rows, seed)
     steps: tuple[Step, ...] = ()
     if judged.p_any <= false_alarm:
-        steps = decide(fitted, place, search, part_of(progress, 0.4, 0.5))
+        whole = search.ask(fitted)
+        place = locate(fitted.scores, whole, judge_left(whole, seed), false_alarm, rows, seed) if whole.tests else None
+        steps = decide(well_placed(fitted), place, search, part_of(progress, 0.4, 0.5))
     more = _with_everything(steps)
     sight = sight_of(fitted.scores, "runs", tuple(system.believed), judged.threshold(TERMS, false_alarm))
-    finding = _record(fitted, asked, judged, place, steps, more, false_alarm)
+    finding = _record(fitted, asked, judged, steps, more, false_alarm)
     progress(1.0, "done")
     found = SystemInvestigation(system, runs, finding, fitted, steps, more, sight)
     return replace(found, finding=structs.replace(finding, sentence=say(found)))
@@ -209,18 +232,7 @@ def _with_everything(steps: Sequence[Step]) -> SystemFitted | None:
     first = steps[0]
     if first.change is None or first.change.family is None:
         return None
-    base = first.fitted
-    if first.change.names and all(name in first.naming.refits for name in first.change.names[:1]):
-        base = first.fitted.beside(first.naming.refits[first.change.names[0]])
-    part = first.change.family.part
-    if base is not first.fitted:           # columns have other places there
-        places = {column.name: k for k, column in enumerate(base.scores.columns)}
-        names = [first.fitted.scores.columns[k].name for k in part.columns]
-        if first.change.family.column == first.change.names[0] or not all(name in places for name in names):
-            base = first.fitted
-        else:
-            part = replace(part, columns=tuple(places[name] for name in names))
-    carried = base.model.carrying(base.point, False, part)
+    carried = first.fitted.model.carrying(first.fitted.point, False, first.change.family.part)
     return None if carried is None else climb_carried(carried)
 
 
@@ -257,15 +269,15 @@ def _data(model: SystemModel, fitted: dict[str, float], rows: int) -> parts.Data
                               else "block", "count": rows}, notes=tuple(notes))
 
 
-def _record(fitted: SystemFitted, asked: Asked, judged: Judged, place: Place | None, steps: Sequence[Step],
-            more: SystemFitted | None, false_alarm: float) -> FindingRecord:
+def _record(fitted: SystemFitted, asked: Asked, judged: Judged, steps: Sequence[Step], more: SystemFitted | None,
+            false_alarm: float) -> FindingRecord:
     model: SystemModel = fitted.model
     first, scores = fitted.scores.first_shared, fitted.scores
     numbers = {column.name: model.shown(column.name, float(at))
                for column, at in zip(scores.columns[first:], scores.point[first:], strict=True)}
     data = _data(model, numbers, len(scores.rows))
-    mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, _tests(fitted, asked, judged), len(asked.tests),
-                              judged.families)
+    mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results_of(scores, asked, judged, false_alarm),
+                              len(asked.tests), judged.families)
     fit = _summary(fitted, more)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
@@ -275,21 +287,6 @@ def _record(fitted: SystemFitted, asked: Asked, judged: Judged, place: Place | N
     return FindingRecord(data, mismatch, _where(steps[0]), verdict.verdict, "", leading.unknown, fit, what=leading.what,
                          set=verdict.terms, next=plan(steps[0]), also=tuple(rest), unexplained=steps[0].unexplained,
                          withheld=leading.withheld)
-
-
-def _tests(fitted: SystemFitted, asked: Asked, judged: Judged) -> dict[str, parts.TestResult]:
-    """The strongest tests, one per column and covariate."""
-    found: dict[str, parts.TestResult] = {}
-    for k in np.argsort(judged.p_value, kind="stable").tolist():
-        test, column = asked.tests[k], fitted.scores.columns[asked.tests[k].column]
-        covariate = name_of(test, column)
-        key = column.name + (f" ~ {covariate}" if covariate and not column.follows else "")
-        if key not in found and len(found) < TESTS:
-            found[key] = parts.TestResult(column.stage, column.direction, covariate, test.shape,
-                                          float(judged.statistic[k]), float(judged.p_each[k]),
-                                          float(judged.p_value[k]), float(judged.amplitude[k]), column.unit,
-                                          float(judged.gain[k]))
-    return found
 
 
 def _summary(fitted: SystemFitted, more: SystemFitted | None) -> FitSummary:

@@ -34,6 +34,9 @@ class Pushes(NamedTuple):
     rate: Int[Array, " A"]
 
 
+NO_PUSHES = Pushes(*(np.zeros((0, 1)),) * 2, *(np.zeros(0, dtype=int),) * 3)
+
+
 def call_rate(system: SystemSpec, names: Sequence[str], x: Any, u: Any, p: Any) -> list[Any]:
     """Return the derivatives, one per state.
 
@@ -62,8 +65,9 @@ class Stepper:
     own: tuple[Effect, ...]
 
     def rates(self, xp: Any, x: Any, u: Any, p: Any, push: Any, amps: Any, own: Any, pushes: Any) -> Any:
-        found = call_rate(self.system, self.names, x, self._pushed(xp, x, u, amps, pushes), p)
-        size = [xp.asarray(one) + push[k] for k, one in enumerate(found)]
+        added = self._added(xp, x, u, amps, pushes)
+        found = call_rate(self.system, self.names, x, [one + added[len(x) + k] for k, one in enumerate(u)], p)
+        size = [xp.asarray(one) + push[k] + added[k] for k, one in enumerate(found)]
         for k, effect in enumerate(self.own):
             more = effect.push(tuple(x), dict(zip(self.names, u, strict=True)), own[k])
             more = list(more) if hasattr(more, "__len__") else [more]
@@ -71,30 +75,15 @@ class Stepper:
                 raise InputError(f"effect {effect.name}: returned {len(more)} values; expected {len(size)}, one per "
                                  "state")
             size = [one + other for one, other in zip(size, more, strict=True)]
-        if xp is np:
-            shape = np.shape(x)[1:]
-            rates: Array = np.stack([np.broadcast_to(one, shape) for one in size])
-            values = [*x, *u, 1.0]
-            for k in np.flatnonzero(pushes.rate < len(size)).tolist():
-                rates[pushes.rate[k]] += (amps[k] * values[pushes.times[k]] * np.interp(
-                    values[pushes.reads[k]], pushes.knots[k], pushes.table[k]))
-            return rates
-        return self._added(xp, x, u, amps, pushes)[:len(size)] + xp.stack(size)
-
-    def _pushed(self, xp: Any, x: Any, u: Any, amps: Any, pushes: Any) -> list[Any]:
-        """Inputs and conditions with the pushes that are added to them."""
-        s, found = len(self.system.state), list(u)
-        if xp is not np:
-            added = self._added(xp, x, u, amps, pushes)[s:]
-            return [one + added[k] for k, one in enumerate(found)]
-        values = [*x, *u, 1.0]
-        for k in np.flatnonzero(pushes.rate >= s).tolist():
-            found[pushes.rate[k] - s] = found[pushes.rate[k] - s] + (amps[k] * values[pushes.times[k]] * np.interp(
-                values[pushes.reads[k]], pushes.knots[k], pushes.table[k]))
-        return found
+        return xp.stack([xp.broadcast_to(one, xp.shape(x)[1:]) for one in size])
 
     def _added(self, xp: Any, x: Any, u: Any, amps: Any, pushes: Any) -> Any:
-        """What is added to each rate, then to each input and condition, in JAX."""
+        """What pushes add to each rate, then to each input and condition."""
+        if xp is np:
+            values, added = [*x, *u, 1.0], [0.0] * (len(x) + len(u))
+            for k, (knots, table, reads, times, rate) in enumerate(zip(*pushes, strict=True)):
+                added[rate] = added[rate] + amps[k] * values[times] * np.interp(values[reads], knots, table)
+            return added
         import jax
         values = xp.concatenate([xp.asarray(x), xp.stack(list(u)) if len(u) else xp.zeros(0), xp.ones(1)])
         drawn = jax.vmap(xp.interp)(values[pushes.reads], pushes.knots, pushes.table) * values[pushes.times]

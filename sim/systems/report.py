@@ -66,14 +66,16 @@ def say_effect(one: FoundEffect, step: Step) -> str:
         why = f"; {one.withheld}" if not isinstance(one.withheld, UnsetType) else ""
         return f" that no candidate explains{why}{goes if changed else ''}."
     members = [name for name in one.what if name.term in one.set]
+    leader = step.naming.refits.get(members[0].term)
+    sized = size(members[0]) + ("" if leader is None else leader.model.shape_of(members[0].term, leader.point))
     if len(one.set) == 1:
-        return f": {label(members[0].term)}: {size(members[0])}."
+        return f": {label(members[0].term)}: {sized}."
     form = form_of([name.probability for name in members] + [0.0] * (len(one.set) - len(members)))
     listed = either([f"{label(name.term)} ({name.probability:.0%})" for name in members[:SHOWN]],
                     "and" if form == "both" else "or")
     more = f", or one of {len(one.set) - SHOWN} others" if len(one.set) > SHOWN else ""
     return (f": {listed}{more}. These runs cannot tell which of these it is. If it is the first, its size is "
-            f"{size(members[0])}.")
+            f"{sized}.")
 
 
 def gained(found: SystemInvestigation) -> list[str]:
@@ -238,14 +240,14 @@ def curve_figure(found: SystemInvestigation) -> Figure | None:
     if not pushes:
         return None
     model = found.model
-    values = _values(found.more)
+    values = model.sources(found.more.model._states(found.more.point)[0])
     figure, panels = new_panels(8.0, 2.6 * len(pushes), len(pushes))
     for axes, (one, prior) in zip(panels, pushes, strict=True):
         assert one.push is not None
         seen = values[one.push.reads][model.recording.real]
         low, high = np.percentile(seen, [1.0, 99.0]).tolist()
         grid = np.linspace(low, high, CURVE)
-        height = prior.centre * np.interp(grid, one.push.knots, one.push.table)
+        height = prior.centre * one.push.law(grid, *one.numbers())
         axes.plot(grid, height, color="#1b7f3b")
         axes.axhline(0.0, color="#bbbbbb", linewidth=0.8)
         names: Sequence[str] = [*model.system.state, *model.names]
@@ -254,13 +256,3 @@ def curve_figure(found: SystemInvestigation) -> Figure | None:
         axes.plot(seen[::max(len(seen) // 300, 1)], np.full(len(seen[::max(len(seen) // 300, 1)]), axes.get_ylim()[0]),
                   "|", color="#888888", markersize=6)
     return figure
-
-
-def _values(fitted: SystemFitted) -> list[Float[Array, "R T"]]:
-    model: SystemModel = fitted.model
-    states = model._states(fitted.point)[0]
-    recording = model.recording
-    return [*(states[:, :, k] for k in range(states.shape[2])),
-            *(recording.inputs[:, :, k] for k in range(recording.inputs.shape[2])),
-            *(np.broadcast_to(recording.conditions[:, [k]], recording.real.shape)
-              for k in range(recording.conditions.shape[1]))]

@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from truearc.errors import InputError
 from truearc.sim.infer.launcher import CREDIBLE_SD
@@ -19,9 +19,9 @@ from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable, 
 from truearc.sim.infer.model import Carrying, Shapes
 from truearc.sim.systems import candidates as what
 from truearc.sim.systems.candidates import Candidate
-from truearc.sim.systems.flight import CLOSE, MOST_SUBSTEPS, Pushes, Stepper
+from truearc.sim.systems.flight import CLOSE, MOST_SUBSTEPS, NO_PUSHES, Stepper
 from truearc.sim.systems.noise import Gains, noise_gains, whiten
-from truearc.sim.systems.sensitivity import Entry, Flights, Flown, SystemLayout, SystemPoint
+from truearc.sim.systems.sensitivity import Entry, Flights, Flown, SystemLayout, SystemPoint, SystemShape
 from truearc.sim.systems.system import Recording, Runs, SystemSpec, record
 
 SLOWEST = 0.1                         # of the longest row: the noise's time constant at most (the design)
@@ -33,6 +33,7 @@ DIFFERENCE = 1e-3                     # of a log, by which noise is moved for a 
 START = 3.0                           # noise standard deviations within which a run starts at its first sample; chosen
 NOTHING = 1e-6                        # information at a prior's standard deviation, below which nothing depends on it
 NOISE = ("", " slow", " time")
+PIECES = 10                           # of a row, whose signs a test flips: as long as the slowest noise fades in
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class SystemModel(Flights):
 
     first_noise: Float[Array, "O 3"]
     labels: Mapping[str, Candidate]
-    session: Array | None
+    sessions: Mapping[str, Sequence[str]]
     members: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     sampled: bool = True
     has_one_top: bool = True
@@ -62,13 +63,15 @@ class SystemModel(Flights):
         recording = record(system, runs, rows, blind) if rows else record(system, runs, blind=blind)
         names = (*runs.inputs, *runs.conditions)
         system.compiled["names"] = names
-        session = None if runs.session is None else runs.columns[runs.session]
+        sessions = {} if runs.session is None else {"session": [
+            str(runs.columns[runs.session][place[0]]) for place in recording.place]}
         begin, begin_sd = starts_of(system, recording)
         shared = [Candidate(name, name, "1" if one.log else "unit", one.sd, what.PARAMETER, ("parameter", k))
                   for k, (name, one) in enumerate(system.believed.items())]
         noise = first_noise(system, recording)
         empty = SystemLayout((), np.zeros(0, dtype=int), np.zeros((0, 0)), np.zeros(0))
-        bare = SystemModel(system, recording, (), (), empty, begin, begin_sd, 1, names, noise, {}, session)
+        bare = SystemModel(system, recording, (), (), empty, begin, begin_sd, 1, names, np.zeros((0, 2)), noise, {},
+                           sessions)
         found = [one for one, _ in system.found]
         bare = bare._laid_out(shared, found, [])
         bare = replace(bare, substeps=bare._enough_steps())
@@ -88,19 +91,15 @@ class SystemModel(Flights):
         if system.rate is None:
             return found
         states = self._states(self.starts()[0])[0]
-        u = [recording.inputs[:, :, k] for k in range(recording.inputs.shape[2])]
-        u += [np.broadcast_to(recording.conditions[:, [k]], recording.real.shape)
-              for k in range(recording.conditions.shape[1])]
-        values = [*(states[:, :, k] for k in range(states.shape[2])), *u]
-        stepper = replace(self._stepper(()))
+        values = self.sources(states)
+        stepper = self._stepper(())
         flat = [one.reshape(-1) for one in values]
         s = states.shape[2]
         p = np.array([one.centre for one in system.believed.values()])
-        none = Pushes(*(np.zeros((0, 1)),) * 2, *(np.zeros(0, dtype=int),) * 3)
         params = np.repeat(p[:, None], len(flat[0]), axis=1)
 
         def rates(own: Any, at: Stepper) -> Array:
-            many = at.rates(np, np.stack(flat[:s]), flat[s:], params, np.zeros(s), np.zeros(0), own, none)
+            many = at.rates(np, np.stack(flat[:s]), flat[s:], params, np.zeros(s), np.zeros(0), own, NO_PUSHES)
             return np.asarray(many).T.reshape(*recording.real.shape, s)
 
         with np.errstate(all="ignore"):
@@ -128,19 +127,18 @@ class SystemModel(Flights):
     def _laid_out(self, shared: Sequence[Candidate], found: Sequence[Candidate],
                   tested: Sequence[Candidate]) -> "SystemModel":
         """The model with these columns: free ones, terms, then shared ones, effects found before, and the noise."""
-        ordered = sorted(tested, key=lambda one: one.kind == "term")
-        every = [*ordered, *shared, *found]
+        every = [*sorted(tested, key=lambda one: one.kind == "term"), *shared, *found]
         slots: dict[Any, int] = {}
+        first: list[Candidate] = []
         entries = []
         for one in every:
-            key = (one.slot, one.level, one.push if one.push is None else id(one.push))
+            key = (one.slot, one.shape, one.push if one.push is None else id(one.push))
             number = slots.setdefault(key, len(slots))
+            first += [one] if number == len(first) else []
             weight = (np.ones(len(self.recording.run)) if one.along is None
                       else one.along.weight(self.recording, self.covariates))
-            column = replace(one.column, kind="shared") if one in [*shared, *found] else one.column
+            column = one.column if one in tested else replace(one.column, kind="shared")
             entries.append(Entry(column, number, weight))
-        first = {number: one for one in reversed(every) for key, number in slots.items()
-                 if key == (one.slot, one.level, one.push if one.push is None else id(one.push))}
         priors = [*self.system.believed.values(), *(prior for _, prior in self.system.found)]
         columns, source = [one.column for one in entries], list(range(len(entries)))
         centre, sd = [one.place for one in priors], [one.sd for one in priors]
@@ -148,11 +146,24 @@ class SystemModel(Flights):
             for k in range(1 if stated is not None else 0, 3):
                 columns.append(Column(f"scatter.{name}{NOISE[k]}", "shared", what.OUTPUT, "", "1", SIZE_SD))
                 source.append(-1 - 3 * o - k)
-                centre.append(float(self.prior_noise[o, k]))
+                centre.append(float(self.first_noise[o, k]))
                 sd.append(TIME_SD if k == 2 else SIZE_SD)
         layout = SystemLayout(tuple(columns), np.array(source), np.diag(np.array(sd)**-2.0), np.array(centre))
-        return replace(self, slots=tuple(first[k] for k in range(len(first))), entries=tuple(entries), layout=layout,
-                       labels={one.name: one for one in every})
+        return replace(self, slots=tuple(first), entries=tuple(entries), layout=layout,
+                       labels={one.name: one for one in every}, places=np.zeros((len(first), 2)))
+
+    def placed(self, place: float) -> Float[Array, "V 2"]:
+        """Return the last free shape number of each slot at a place, the others at their centres."""
+        found = np.zeros((len(self.slots), 2))
+        for k, one in enumerate(self.slots):
+            if one.shape and len(one.shape[-1].values) > 1:
+                found[k, len(one.shape) - 1] = place
+        return found
+
+    def with_places(self, places: Float[Array, "V 2"], usual: Mapping[str, float]) -> "SystemModel":
+        """Return the model with shape numbers looked for there, where effects of the columns have these usual sizes."""
+        columns = tuple(replace(one, usual=usual.get(one.name, one.usual)) for one in self.layout.columns)
+        return replace(self, places=places, layout=replace(self.layout, columns=columns))
 
     def reweighted(self) -> "SystemModel":
         """Return the model with the weights of rows as its recording now has them."""
@@ -160,18 +171,13 @@ class SystemModel(Flights):
                    replace(one, weight=candidate.along.weight(self.recording, self.covariates)) for one in self.entries]
         return replace(self, entries=tuple(entries))
 
-    @cached_property
-    def prior_noise(self) -> Float[Array, "O 3"]:
-        """Centres of the noise's logs."""
-        return self.first_noise
-
     def _enough_steps(self) -> int:
         """Substeps of a sample by which flights agree with those of half the step."""
         if self.system.rate is None:
             return 1
         count, point = 1, self.starts()[0]
-        scale = np.maximum(np.exp(self.first_noise[:, 0]), 1e-3 * np.nan_to_num(np.nanstd(
-            self.recording.seen, axis=(0, 1)), nan=1.0))
+        spread = np.array([_spread(self.recording.seen[:, :, k]) for k in range(len(self.first_noise))])
+        scale = np.maximum(np.exp(self.first_noise[:, 0]), 1e-3 * spread)
         before = replace(self, substeps=1).flights(point)
         while count < MOST_SUBSTEPS:
             after = replace(self, substeps=2 * count).flights(point)
@@ -193,7 +199,7 @@ class SystemModel(Flights):
                 raise InputError(f"rate: returned a number that is not finite for {system.state[k]} in run "
                                  f"{self.recording.labels[row]} at t {self.recording.time_s[row, max(n - 1, 0)]:g} s, "
                                  f"with the parameters as believed and {near}")
-        elif not np.isfinite(self._program(self.slot_values(point), point.start)[self.recording.real]).all():
+        elif not np.isfinite(self._program(point, self.slot_values(point))[self.recording.real]).all():
             raise InputError("simulate: returned a number that is not finite, with the parameters as believed")
         table = self.linearise(point)[0]
         for k, (name, one) in enumerate(system.believed.items()):
@@ -203,7 +209,9 @@ class SystemModel(Flights):
 
     # --- the protocol of a fit
 
-    def linearise(self, point: SystemPoint, flown: Flown | None = None) -> tuple[ScoreTable, SystemPoint]:
+    def linearise(self, point: SystemPoint, flown: Flown | None = None,
+                  pieces: int = 1) -> tuple[ScoreTable, SystemPoint]:
+        """pieces: rows of the table that each row of the recording is cut into; they still have one start."""
         flown = self.fly(point) if flown is None else flown
         recording, columns = self.recording, self.layout.columns
         rows, samples, outputs = recording.seen.shape
@@ -216,26 +224,41 @@ class SystemModel(Flights):
         parts = np.concatenate([flown.slopes, flown.by_start, off[..., None]], axis=3)
         white = whiten(np.where(known[..., None], parts, 0.0), *gains).reshape(rows, samples * outputs, -1)
         k, s = len(flown.slots), flown.by_start.shape[3]
-        gram = np.swapaxes(white, 1, 2) @ white
-        inner = np.eye(s) + gram[:, k:k + s, k:k + s]
-        lift = np.linalg.solve(inner, gram[:, k:k + s])
-        left = gram - np.swapaxes(gram[:, k:k + s], 1, 2) @ lift
+        by_start = white[:, :, k:k + s]
+        lift = np.swapaxes(by_start, 1, 2) @ white
+        inner = np.eye(s) + lift[:, :, k:k + s]
+        lift = np.linalg.solve(inner, lift)
         start = lift[:, :, -1]
+        # What is left at the likeliest start; the start's prior is as further samples, which belong to the first piece
+        white = np.concatenate([lift, white - by_start @ lift], axis=1)
+        piece = np.zeros(white.shape[:2], dtype=int)
+        piece[:, s:] = np.repeat(self._pieces(pieces), outputs, axis=1)
+        left = np.stack([np.swapaxes(part, 1, 2) @ part for part in (
+            np.where((piece == number)[:, :, None], white, 0.0) if pieces > 1 else white for number in range(pieces))],
+            axis=1).reshape(rows * pieces, white.shape[2], -1)
         own = np.flatnonzero(self.layout.source >= 0)
         entries = [self.entries[n] for n in self.layout.source[own]]
         place = [flown.slots.index(one.slot) for one in entries]
         weight = np.stack([one.weight for one in entries], axis=1) if entries else np.zeros((rows, 0))
+        weight = np.repeat(weight, pieces, axis=0)
         linear, bend = np.zeros((rows, len(columns))), np.zeros((rows, len(columns), len(columns)))
+        log = -0.5 * (np.einsum("rnn->r", left[:, -1:, -1:]).reshape(rows, pieces).sum(1)
+                      + np.linalg.slogdet(inner)[1] + _log_volume(gains, known))
+        self._by_noise(point, off - np.einsum("rtos,rs->rto", flown.by_start, start), known, linear, bend)
+        linear, bend, log = (np.repeat(one, pieces, axis=0) / pieces for one in (linear, bend, log))
         linear[:, own] = left[:, place, -1] * weight
         both = weight[:, :, None] * weight[:, None, :]
-        bend[np.ix_(np.arange(rows), own, own)] = left[:, place][:, :, place] * both
-        log = -0.5 * (left[:, -1, -1] + np.linalg.slogdet(inner)[1] + _log_volume(gains, known))
-        self._by_noise(point, off - np.einsum("rtos,rs->rto", flown.by_start, start), known, linear, bend)
+        bend[np.ix_(np.arange(len(left)), own, own)] = left[:, place][:, :, place] * both
         layout, p = self.layout, self.layout.first_shared
-        at = np.array([point.values[n] if n >= 0 else point.noise[divmod(-1 - n, 3)] for n in layout.source])
+        at = np.array([point.values[n] if n >= 0 else point.noise.ravel()[-1 - n] for n in layout.source])
         pull = layout.precision @ (layout.centre - at[p:])
-        table = make_evidence(np.arange(rows), columns, at, linear, bend, None, layout.precision, pull, log)
+        table = make_evidence(np.arange(len(left)), columns, at, linear, bend, None, layout.precision, pull, log)
         return table, replace(point, start=start)
+
+    def _pieces(self, count: int) -> Int[Array, "R T"]:
+        """The piece that each sample belongs to."""
+        real = self.recording.real
+        return np.minimum(np.arange(real.shape[1]) * count // real.sum(1, keepdims=True), count - 1)
 
     def _by_noise(self, point: SystemPoint, off: Float[Array, "R T O"], known: Bool[Array, "R T O"],
                   linear: Array, bend: Array) -> None:
@@ -267,13 +290,10 @@ class SystemModel(Flights):
         return self.linearise(point)[1]
 
     def moved(self, point: SystemPoint, change: Float[Array, " P"]) -> SystemPoint:
-        values, noise, source = point.values.copy(), point.noise.copy(), self.layout.source
+        values, noise, source = point.values.copy(), point.noise.ravel().copy(), self.layout.source
         values[source[source >= 0]] += change[source >= 0]
-        for k in np.flatnonzero(source < 0):
-            o, number = divmod(-1 - source[k], 3)
-            noise[o, number] += np.clip(change[k], -1.0, 1.0)
-        low, high = self.noise_ends
-        return replace(point, values=values, noise=np.clip(noise, low, high))
+        noise[-1 - source[source < 0]] += np.clip(change[source < 0], -1.0, 1.0)
+        return replace(point, values=values, noise=np.clip(noise.reshape(point.noise.shape), *self.noise_ends))
 
     @cached_property
     def noise_ends(self) -> tuple[Float[Array, "O 3"], Float[Array, "O 3"]]:
@@ -286,11 +306,9 @@ class SystemModel(Flights):
         return low, high
 
     def leads_out(self, point: SystemPoint, step: Float[Array, " P"]) -> Bool[Array, " P"]:
-        out, (low, high) = np.full(len(step), False), self.noise_ends
-        for k in np.flatnonzero(self.layout.source < 0):
-            at = divmod(-1 - self.layout.source[k], 3)
-            now = point.noise[at]
-            out[k] = (now <= low[at] and step[k] < 0.0) or (now >= high[at] and step[k] > 0.0)
+        out, own = np.full(len(step), False), self.layout.source < 0
+        now, low, high = (one.ravel()[-1 - self.layout.source[own]] for one in (point.noise, *self.noise_ends))
+        out[own] = (now <= low) & (step[own] < 0.0) | (now >= high) & (step[own] > 0.0)
         return out
 
     def is_lost(self, point: SystemPoint) -> bool:
@@ -301,7 +319,8 @@ class SystemModel(Flights):
         layout, values = self.layout, np.zeros(len(self.entries))
         own = layout.source[layout.first_shared:]
         values[own[own >= 0]] = layout.centre[own >= 0]
-        return (SystemPoint(values, self.first_noise.copy(), np.zeros_like(self.begin)),)
+        return (SystemPoint(values, self.first_noise.copy(), np.zeros_like(self.begin),
+                            self.places),)
 
     def easier(self) -> Iterable["SystemModel"]:
         return ()
@@ -309,26 +328,26 @@ class SystemModel(Flights):
     def afar(self, change: Float[Array, " P"]) -> tuple[SystemPoint, Iterable["SystemModel"]]:
         return self.moved(self.starts()[0], change), ()
 
-    def shapes(self, names: tuple[str, ...]) -> list[Any]:
-        return []
+    def shapes(self, names: tuple[str, ...]) -> list[SystemShape]:
+        slots = {self.entries[k].column.name: self.entries[k].slot for k in self.layout.source if k >= 0}
+        return [SystemShape(slots[name], k) for name in names
+                for k, one in enumerate(self.slots[slots[name]].shape) if len(one.values) > 1]
 
     def shared_only(self, names: Iterable[str] = ()) -> "SystemModel":
-        layout, wanted = self.layout, {*names}
-        first = layout.first_shared
-        promoted = [k for k in range(first) if layout.columns[k].name in wanted]
-        return self._sharing(promoted, [])
+        return self._sharing({*names}, tested=False)
 
     def sharing(self, names: tuple[str, ...]) -> "SystemModel":
-        first, wanted = self.layout.first_shared, {*names}
-        promoted = [k for k in range(first) if self.layout.columns[k].name in wanted]
-        return self._sharing(promoted, [k for k in range(first) if k not in promoted])
+        return self._sharing({*names}, tested=True)
 
-    def _sharing(self, promoted: Sequence[int], tested: Sequence[int]) -> "SystemModel":
-        """The model with some tested columns among the shared ones, the first of them, and with these tested."""
+    def _sharing(self, names: set[str], tested: bool) -> "SystemModel":
+        """The model with tested columns of these names among the shared ones, the first of them, the rest tested or
+        not."""
         layout, first = self.layout, self.layout.first_shared
-        columns = [*(layout.columns[k] for k in tested), *(replace(layout.columns[k], kind="shared") for k in promoted),
+        promoted = [k for k in range(first) if layout.columns[k].name in names]
+        left = [k for k in range(first) if tested and k not in promoted]
+        columns = [*(layout.columns[k] for k in left), *(replace(layout.columns[k], kind="shared") for k in promoted),
                    *layout.columns[first:]]
-        source = np.concatenate([layout.source[[*tested, *promoted]], layout.source[first:]]).astype(int)
+        source = np.concatenate([layout.source[[*left, *promoted]], layout.source[first:]]).astype(int)
         precision = np.zeros((len(promoted) + len(layout.centre),) * 2)
         precision[len(promoted):, len(promoted):] = layout.precision
         for k, column in enumerate(promoted):
@@ -352,6 +371,11 @@ class SystemModel(Flights):
         one = self.labels.get(name)
         words = name if one is None else one.label
         return words + "".join(f"; or {self.labels[other].label}" for other in self.members.get(name, ()))
+
+    def shape_of(self, name: str, point: SystemPoint) -> str:
+        """Return the shape numbers of a candidate in words."""
+        return "".join(f", {self.slots[one.slot].shape[one.number].word} "
+                       f"{self.numbers(point, one.slot)[one.number]:.3g}" for one in self.shapes((name,)))
 
     def describe(self, name: str) -> tuple[str, str] | None:
         one = self.labels.get(name)
@@ -378,9 +402,10 @@ class SystemModel(Flights):
         return place if one is None else float(one.value(place))
 
     def exchanged(self, name: str, best: Any, point: SystemPoint, start: SystemPoint) -> SystemPoint:
-        values, own = point.values.copy(), best.layout.source[0]
-        values[own] = start.values[own]
-        return replace(point, values=values)
+        values, places, own = point.values.copy(), point.places.copy(), best.layout.source[0]
+        slot = self.entries[own].slot
+        values[own], places[slot] = start.values[own], start.places[slot]
+        return replace(point, values=values, places=places)
 
     def carrying(self, point: SystemPoint, lost: bool, part: Shapes) -> "Carrying[SystemModel] | None":
         """Return the model with an unexplained change, which starts from zero."""
@@ -397,7 +422,7 @@ class SystemModel(Flights):
                               np.concatenate([new, layout.source[first:]]).astype(int), layout.precision, layout.centre)
         model = replace(self, entries=tuple(entries), layout=tested)
         begin = replace(point, values=np.concatenate([point.values, np.zeros(len(new))]))
-        return Carrying(model._sharing(range(len(new)), []), [begin])
+        return Carrying(model.shared_only(column.name for column in columns), [begin])
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -459,9 +484,14 @@ def _white(seen: Float[Array, "R T"]) -> float:
     """Noise of an output, by its second differences (their median, since inputs may jump)."""
     second = np.diff(seen, 2, axis=1)
     second = second[np.isfinite(second)]
-    spread = float(np.nanstd(seen)) if np.isfinite(seen).any() else 1.0
     white = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0) if len(second) else 0.0
-    return max(white, 1e-4 * spread, 1e-12)
+    return max(white, 1e-4 * _spread(seen), 1e-12)
+
+
+def _spread(seen: Float[Array, "R T"]) -> float:
+    """Standard deviation of what is known of an output; 1 before anything is recorded."""
+    known = seen[np.isfinite(seen)]
+    return float(known.std()) if len(known) else 1.0
 
 
 def _log_volume(gains: Gains, known: Bool[Array, "R T O"]) -> Float[Array, " R"]:

@@ -6,7 +6,7 @@ differences.
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,11 +17,12 @@ from truearc.errors import InputError
 from truearc.sim.compute import usable_cores
 from truearc.sim.infer.likelihood.score_table import Array, Column
 from truearc.sim.systems.candidates import Candidate
-from truearc.sim.systems.flight import Pushes, Stepper, call_rate, carry
+from truearc.sim.systems.flight import NO_PUSHES, Pushes, Stepper, call_rate, carry
 from truearc.sim.systems.system import Recording, SystemSpec
 
 DIFFERENCE = 1e-3                     # usual sizes of an effect of the user's own, by which it is moved for a slope
 FINITE = 1e-3                         # prior standard deviations by which a closed program's numbers are moved
+FINE = 0.2                            # of what TRIED is in, by which refits move a shape number; chosen: a quarter
 FAR = 1e3                             # ranges that a flight which fails counts as off
 
 
@@ -58,11 +59,26 @@ class SystemLayout:
 
 @dataclass(frozen=True)
 class SystemPoint:
-    """values of entries [E], logs of the noise [O, 3], and starts of rows [R, S] in their standard deviations."""
+    """values of entries [E], logs of the noise [O, 3], starts of rows [R, S] and shape numbers of slots [V, 2], these
+    two in standard deviations of their priors."""
 
     values: Float[Array, " E"]
     noise: Float[Array, "O 3"]
     start: Float[Array, "R S"]
+    places: Float[Array, "V 2"]
+
+
+@dataclass(frozen=True)
+class SystemShape:
+    """A shape number of a candidate, looked for about where it is (truearc.sim.infer.model.Shape)."""
+
+    slot: int
+    number: int
+
+    def put(self, point: SystemPoint, place: float) -> SystemPoint:
+        places = point.places.copy()
+        places[self.slot, self.number] += FINE * place
+        return replace(point, places=places)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +97,7 @@ class Flights:
     """Rows of a system, which can be flown.
 
     slots: every way in which the simulator may differ; entries: every column of it. begin, begin_sd [R, S]: believed
-    starts. names: of inputs, then conditions.
+    starts. names: of inputs, then conditions. places: where shape numbers are looked for.
     """
 
     system: SystemSpec
@@ -93,6 +109,7 @@ class Flights:
     begin_sd: Float[Array, "R S"]
     substeps: int
     names: tuple[str, ...]
+    places: Float[Array, "V 2"]
 
     def slot_values(self, point: SystemPoint) -> Float[Array, "R V"]:
         """Return the value of every slot in every row."""
@@ -114,36 +131,41 @@ class Flights:
         values = self.slot_values(point)
         raw, slopes, by_start = (self._by_rate(point, values, slots) if self.system.rate is not None
                                  else self._by_program(point, values, slots))
-        seen, slopes = self._outputs(values, raw, slopes, slots)
+        seen, slopes = self._outputs(point, values, raw, slopes, slots)
         scale = np.nanmax(np.abs(self.recording.seen), axis=(0, 1), initial=1e-9) * FAR
         fine = np.isfinite(seen) & (np.abs(seen) < scale)
         return Flown(np.where(fine, seen, scale), np.where(fine[..., None], np.nan_to_num(slopes), 0.0),
                      np.where(fine[..., None], np.nan_to_num(by_start), 0.0), slots, point)
 
-    def _inputs(self, values: Float[Array, "R V"], slots: tuple[int, ...]) -> tuple[Array, dict[int, Array]]:
+    def numbers(self, point: SystemPoint, slot: int) -> tuple[float, ...]:
+        """Return a slot's shape numbers at a point."""
+        return self.slots[slot].numbers(point.places[slot].tolist())
+
+    def _inputs(self, point: SystemPoint, values: Float[Array, "R V"], slots: tuple[int, ...]) -> tuple[
+            Array, dict[int, Array]]:
         """(inputs as distorted, {slot: slope of the input that it distorts [R, T]})."""
         inputs, slopes = self.recording.inputs.copy(), {}
         for number, slot in enumerate(self.slots):
             kind, k = slot.slot
             if kind.startswith("in_") and (np.any(values[:, number]) or number in slots):
-                slopes[number] = _distortion(kind.removeprefix("in_"), self.recording.inputs[:, :, k],
-                                             self.recording, slot.level)
-                inputs[:, :, k] += _distorted(kind.removeprefix("in_"), self.recording.inputs[:, :, k],
-                                              self.recording, slot.level, values[:, [number]])
+                one, own = (kind.removeprefix("in_"), self.recording.inputs[:, :, k], self.recording), self.numbers(
+                    point, number)
+                slopes[number] = _distortion(*one, *own)
+                inputs[:, :, k] += _distorted(*one, values[:, [number]], *own)
         return inputs, slopes
 
-    def _outputs(self, values: Float[Array, "R V"], raw: Float[Array, "R T O"], slopes: Float[Array, "R T O K"],
-                 slots: tuple[int, ...]) -> tuple[Array, Array]:
+    def _outputs(self, point: SystemPoint, values: Float[Array, "R V"], raw: Float[Array, "R T O"],
+                 slopes: Float[Array, "R T O K"], slots: tuple[int, ...]) -> tuple[Array, Array]:
         seen = raw.copy()
         for number, slot in enumerate(self.slots):
             kind, k = slot.slot
             if not kind.startswith("out_"):
                 continue
-            kind = kind.removeprefix("out_")
+            one, own = (kind.removeprefix("out_"), raw[:, :, k], self.recording), self.numbers(point, number)
             if number in slots:
-                slopes[:, :, k, slots.index(number)] += _distortion(kind, raw[:, :, k], self.recording, slot.level)
+                slopes[:, :, k, slots.index(number)] += _distortion(*one, *own)
             if np.any(values[:, number]):
-                seen[:, :, k] += _distorted(kind, raw[:, :, k], self.recording, slot.level, values[:, [number]])
+                seen[:, :, k] += _distorted(*one, values[:, [number]], *own)
         return seen, slopes
 
     def _stepper(self, own: tuple[Any, ...]) -> Stepper:
@@ -156,26 +178,19 @@ class Flights:
         return ([k for k in active if self.slots[k].slot[0] == "push"],
                 [k for k in active if self.slots[k].slot[0] == "effect"])
 
-    def _pushes(self, active: Sequence[int]) -> Pushes:
+    def _pushes(self, point: SystemPoint, active: Sequence[int]) -> Pushes:
         """Padded to a power of two, so that compiled code is shared."""
-        size = 0 if not active else 1 << (len(active) - 1).bit_length()
-        one = self.slots[active[0]].push if active else None
-        tables = [self.slots[k].push for k in active] + [one] * (size - len(active))
-        last = len(self.system.state) + len(self.names)
-        kept = [table for table in tables if table is not None]
-        if not kept:
-            return Pushes(*(np.zeros((0, 1)),) * 2, *(np.zeros(0, dtype=int),) * 3)
-        return Pushes(np.stack([one.knots for one in kept]), np.stack([one.table for one in kept]),
-                      np.array([one.reads for one in kept]),
-                      np.array([last if one.times < 0 else one.times for one in kept]),
-                      np.array([one.rate for one in kept]))
+        size, last = 0 if not active else 1 << (len(active) - 1).bit_length(), len(self.system.state) + len(self.names)
+        kept = [(*push.at(self.numbers(point, k)), push.reads, last if push.times < 0 else push.times, push.rate)
+                for k in (*active, *active[:1] * (size - len(active))) if (push := self.slots[k].push) is not None]
+        return Pushes(*map(np.stack, zip(*kept, strict=True))) if kept else NO_PUSHES
 
     def _drive(self, point: SystemPoint, values: Float[Array, "R V"], slots: tuple[int, ...]) -> Any:
         """(stepper, pushes, active, own, z without states [R, steps, Z], start [R, S], slopes of inputs)."""
         recording, system = self.recording, self.system
         active, own = self._active(values)
-        pushes = self._pushes(active)
-        inputs, by_input = self._inputs(values, slots)
+        pushes = self._pushes(point, active)
+        inputs, by_input = self._inputs(point, values, slots)
         steps = recording.step_s.shape
         place = np.zeros((*steps, len(system.believed)))
         for number, slot in enumerate(self.slots):
@@ -204,6 +219,12 @@ class Flights:
         stepper, pushes, _, _, z, x0, _ = drive
         return stepper.path(x0, z, self.recording.conditions, self.recording.step_s, pushes), drive
 
+    def sources(self, states: Float[Array, "R T S"]) -> list[Float[Array, "R T"]]:
+        """Return the values that pushes read: states, inputs, conditions."""
+        recording = self.recording
+        held = np.broadcast_to(recording.conditions[:, None], (*recording.real.shape, recording.conditions.shape[1]))
+        return list(np.moveaxis(np.concatenate([states, recording.inputs, held], axis=2), 2, 0))
+
     def _by_rate(self, point: SystemPoint, values: Float[Array, "R V"], slots: tuple[int, ...]) -> tuple[
             Array, Array, Array]:
         recording, s, p = self.recording, len(self.system.state), len(self.system.believed)
@@ -222,9 +243,7 @@ class Flights:
         phi = np.where(live, by[:, :, :, :s], np.eye(s))
         at = np.cumsum([0, s, p, s, len(pushes.rate), len(own), recording.inputs.shape[2]]).tolist()
         force = np.zeros((rows, steps, s, len(slots) + s))
-        sources = [*(states[:, :, k] for k in range(s)), *(recording.inputs[:, :, k] for k in range(
-            recording.inputs.shape[2])), *(np.broadcast_to(recording.conditions[:, [k]], recording.real.shape)
-                                           for k in range(recording.conditions.shape[1]))]
+        sources = self.sources(states)
         for number, slot in enumerate(slots):
             kind, k = self.slots[slot].slot
             push = self.slots[slot].push
@@ -236,7 +255,7 @@ class Flights:
             elif kind == "push" and slot in active:
                 force[:, :, :, number] = by[..., at[3] + active.index(slot)]
             elif kind == "push" and push is not None:
-                middle = self._middle(push.drawn(sources), push.reads)
+                middle = self._middle(push.drawn(sources, self.numbers(point, slot)), push.reads)
                 if push.times >= 0:
                     middle = middle * self._middle(sources[push.times], push.times)
                 by_push = (by[..., at[2] + push.rate] if push.rate < s else
@@ -276,23 +295,23 @@ class Flights:
             Array, Array, Array]:
         """A closed program, its numbers moved one at a time; runs in parallel."""
         s = len(self.system.starts)
-        raw = self._program(values, point.start)
+        raw = self._program(point, values)
         slopes = np.zeros((*raw.shape, len(slots)))
-        jobs: list[tuple[int, Array, Array, float]] = []
+        jobs: list[tuple[int, Array, SystemPoint, float]] = []
         for number, slot in enumerate(slots):
             kind = self.slots[slot].slot[0]
             if kind == "parameter" or kind.startswith("in_"):
                 size = FINITE * self.slots[slot].usual
                 moved = values.copy()
                 moved[:, slot] += size
-                jobs.append((number, moved, point.start, size))
+                jobs.append((number, moved, point, size))
         for k in range(s if slots else 0):
             start = point.start.copy()
             start[:, k] += FINITE
-            jobs.append((len(slots) + k, values, start, FINITE))
+            jobs.append((len(slots) + k, values, replace(point, start=start), FINITE))
         by_start = np.zeros((*raw.shape, s if slots else 0))
         with ThreadPoolExecutor(usable_cores()) as pool:
-            for (number, _, _, size), found in zip(jobs, pool.map(lambda job: self._program(job[1], job[2]), jobs),
+            for (number, _, _, size), found in zip(jobs, pool.map(lambda job: self._program(job[2], job[1]), jobs),
                                                    strict=True):
                 there = (found - raw) / size
                 if number < len(slots):
@@ -301,15 +320,15 @@ class Flights:
                     by_start[..., number - len(slots)] = there
         return raw, slopes, by_start
 
-    def _program(self, values: Float[Array, "R V"], start: Float[Array, "R S"]) -> Float[Array, "R T O"]:
+    def _program(self, point: SystemPoint, values: Float[Array, "R V"]) -> Float[Array, "R T O"]:
         recording, system = self.recording, self.system
         assert system.simulate_run is not None
         place = np.zeros((len(values), len(system.believed)))
         for number, slot in enumerate(self.slots):
             if slot.slot[0] == "parameter":
                 place[:, slot.slot[1]] += values[:, number]
-        inputs = self._inputs(values, ())[0]
-        begin = self.begin + self.begin_sd * start
+        inputs = self._inputs(point, values, ())[0]
+        begin = self.begin + self.begin_sd * point.start
         found = np.full((*recording.real.shape, len(system.outputs)), np.nan)
         moving = inputs.shape[2]
         for row in range(len(values)):
@@ -339,8 +358,8 @@ class Flights:
         return next((k for k, one in enumerate(found) if not np.isfinite(np.asarray(one, dtype=float))), state)
 
 
-def _distorted(kind: str, values: Float[Array, "R T"], recording: Recording, level: float,
-               amount: Float[Array, "R 1"]) -> Array:
+def _distorted(kind: str, values: Float[Array, "R T"], recording: Recording, amount: Float[Array, "R 1"],
+               level: float = np.nan) -> Array:
     """What a distortion of this amount adds to a signal."""
     if kind != "delay":
         return np.asarray(amount * _distortion(kind, values, recording, level))
@@ -349,7 +368,7 @@ def _distorted(kind: str, values: Float[Array, "R T"], recording: Recording, lev
     return np.where(recording.real, late - values, 0.0)
 
 
-def _distortion(kind: str, values: Float[Array, "R T"], recording: Recording, level: float) -> Array:
+def _distortion(kind: str, values: Float[Array, "R T"], recording: Recording, level: float = np.nan) -> Array:
     """Slope of a signal by a distortion."""
     if kind == "scale":
         return values

@@ -5,7 +5,8 @@ returns whole runs. Units are the user's own; names should end with theirs.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
@@ -174,9 +175,7 @@ class SystemSpec:
     def with_beliefs(self, believed: Mapping[str, Believed],
                      found: tuple[tuple[Any, Believed], ...] | None = None) -> "SystemSpec":
         """Return the system with other beliefs, and with these effects in it."""
-        new = object.__new__(type(self))
-        for name, value in vars(self).items():
-            object.__setattr__(new, name, value)
+        new = copy(self)
         object.__setattr__(new, "believed", {**self.believed, **believed})
         if found is not None:
             object.__setattr__(new, "found", found)
@@ -311,13 +310,6 @@ class Recording:
     def step_s(self) -> Float[Array, "R steps"]:
         """Time steps; 0 beyond the last sample."""
         return np.where(self.real[:, 1:], np.diff(self.time_s, axis=1), 0.0)
-
-    def some(self, rows: Sequence[int]) -> "Recording":
-        """Return some of the rows."""
-        kept = np.array(rows)
-        each = {name: getattr(self, name)[kept] for name in ("time_s", "real", "place", "inputs", "conditions", "seen",
-                                                             "run", "since_s")}
-        return replace(self, **each, labels=tuple(self.labels[k] for k in rows))
 
 
 def record(system: SystemSpec, runs: Runs, wanted: int = ROWS, blind: bool = False) -> Recording:

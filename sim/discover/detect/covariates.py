@@ -5,7 +5,7 @@ is scaled and centred on the session under test, and can also be evaluated on th
 """
 
 import itertools
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -87,26 +87,36 @@ def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
 
     Columns that vary alike (|correlation| >= 0.98) are one covariate; constant ones are omitted.
     """
+    columns = {name: values for name, values in number_columns(dataset).items() if name not in RESULTS}
+    return tuple(covariate.led_by_launch() for covariate in covariates_among(columns))
+
+
+def covariates_among(columns: Mapping[str, Each]) -> tuple[Covariate, ...]:
+    """Return columns as `gather_covariates` does."""
     found: list[Covariate] = []
-    for name, values in number_columns(dataset).items():
-        if name in RESULTS or not varies(values):
+    for name, values in columns.items():
+        if not varies(values):
             continue
         twin = next((k for k, other in enumerate(found) if _alike(other.values, values)), None)
         if twin is None:
             found.append(Covariate(((name, values),)))
         else:
             found[twin] = Covariate((*found[twin].columns, (name, values)))
-    return tuple(covariate.led_by_launch() for covariate in found)
+    return tuple(found)
 
 
 def gather_factors(shots: Shots) -> tuple[Factor, ...]:
     """Return text columns with between two and twenty levels."""
+    return factors_among({name: shots.text(name) for name in shots.texts if name not in RESULTS})
+
+
+def factors_among(columns: Mapping[str, Sequence[str]]) -> tuple[Factor, ...]:
+    """Return columns as `gather_factors` does."""
     found = []
-    for name in shots.texts:
-        levels = tuple(sorted({text for text in shots.text(name) if text}))
-        if name not in RESULTS and 2 <= len(levels) <= MOST_LEVELS:
-            codes = np.array([levels.index(text) if text else -1 for text in shots.text(name)])
-            found.append(Factor(name, levels, codes))
+    for name, texts in columns.items():
+        levels = tuple(sorted({text for text in texts if text}))
+        if 2 <= len(levels) <= MOST_LEVELS:
+            found.append(Factor(name, levels, np.array([levels.index(text) if text else -1 for text in texts])))
     return tuple(found)
 
 

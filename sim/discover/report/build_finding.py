@@ -73,7 +73,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": numbers},
                              {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, lacks, topspin,
                              at_limit | stopped(best, among), doubted, dataset.notes())
-    results = _results(fitted.scores, asked, judged, false_alarm)
+    results = results_of(fitted.scores, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)
     if not steps:
@@ -251,8 +251,9 @@ def interval_about(value: float, sd: float, unit: str) -> parts.Interval:
     return parts.Interval(value, sd, value - Z90 * sd, value + Z90 * sd, unit)
 
 
-def _results(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: float) -> dict[str, TestResult]:
-    """The strongest shape of each column and covariate, SHOWN of them: found ones first, by what they explain."""
+def results_of(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: float) -> dict[str, TestResult]:
+    """Return the strongest shape of each column and covariate, SHOWN of them: found ones first, by what they explain.
+    """
     best: dict[str, tuple[tuple[float, float], TestResult]] = {}
     for k, test in enumerate(asked.tests):
         column = evidence.columns[test.column]

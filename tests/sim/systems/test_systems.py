@@ -114,8 +114,9 @@ def test_fit_finds_the_parameters_within_their_intervals() -> None:
 def test_dry_friction_is_found_and_adopted() -> None:
     friction = frame(5, push=lambda x, v: -0.3 * float(np.tanh(v / 0.01)))
     found = ta.discover(spring(), runs_of(friction), seed=0)
-    assert found.verdict in ("named", "set"), str(found)
-    assert any(name.endswith(("sign_v_m_s", "stribeck_v_m_s")) for name in found.record.set or ()), str(found)
+    assert found.record.set == ("force_n_sign_v_m_s",), str(found)
+    size = found.effects[0].interval90
+    assert size[0] <= -0.3 <= size[1], str(found)
     unseen = frame(6, push=lambda x, v: -0.3 * float(np.tanh(v / 0.01)))
     better, before = found.adopt(), ta.fit(spring(), runs_of(friction)).system
     errors = [np.sqrt(np.mean((one.simulate(runs_of(unseen))["x_m"] - unseen["x_m"])**2)) for one in (better, before)]
