@@ -183,7 +183,8 @@ def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int, learned: np.n
     grid = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 3)
     features = np.concatenate([middle + half * grid, learned])
     orders = np.array([order for order in itertools.product(range(degree + 1), repeat=3) if sum(order) <= degree])
-    latent = np.concatenate([gate.latent(middle + half * grid), known], axis=1)
+    on_grid = gate.latent(middle + half * grid)
+    latent = np.concatenate([on_grid[0], known[0]]), np.concatenate([on_grid[1], known[1]])
     wanted, novelty = gate.judge(*latent), gate.novelty(features)
     columns = products(np.clip((features - middle) / half, -1.0, 1.0), orders)
     if gate.rig.target is not None and gate.rig.target.faces_up:
