@@ -78,8 +78,8 @@ def show_progress(what: str, quiet: bool | None = None) -> Progress:
         last[0], shown[0] = now, True
         passed = now - began
         left = f", {_clock(passed * (1.0 - done) / done)} left" if 0.02 < done < 1.0 and passed > 1.0 else ""
-        line = f"{what}: {done:4.0%}{left}  {note}"[:WIDE].ljust(WIDE)
-        print(("\r" if live else "") + line, end="\n" if over or not live else "", file=sys.stderr, flush=True)
+        line = f"{what}: {done:4.0%}{left}  {note}"[:WIDE]
+        print(f"\r{line:{WIDE}}" if live else line, end="\n" if over or not live else "", file=sys.stderr, flush=True)
 
     return show
 

@@ -27,6 +27,7 @@ INK, BEFORE, AFTER, GREY = "#30343b", "#1f5fa8", "#c2571a", "#9aa3af"
 THEME = {"#000000": "ink", INK: "ink", BEFORE: "blue", AFTER: "orange", GREY: "grey",
          "#1b7f3b": "good", "#d99000": "fair", "#b3261e": "bad"}
 SHOWN = 16                            # digits of a hash
+BEFORE_PERCENT = re.compile(r"(?<=\d) (?=%)")
 FIRST_SENTENCE = re.compile(r"(.+?[.!?])\s+(?=[A-Z])(.*)", re.DOTALL)
 COLOURS = {"three": "#1b7f3b", "two": "#d99000", "miss": "#b3261e"}
 
@@ -132,6 +133,7 @@ def _cell(cell: Any) -> str:
 ENVIRONMENT = Environment(autoescape=True, loader=FunctionLoader(
     lambda name: (HERE / name).read_text(encoding="utf-8")))
 ENVIRONMENT.filters["cell"] = _cell
+ENVIRONMENT.filters["whole"] = lambda text: BEFORE_PERCENT.sub("\N{NO-BREAK SPACE}", text)
 
 
 def draw_reliability(p: np.ndarray, level: np.ndarray) -> Figure:

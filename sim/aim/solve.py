@@ -5,7 +5,7 @@ set point scores follows from the belief's forecast of the height at the target.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -161,10 +161,18 @@ def _search(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Float[np.ndarr
 
 def _starts(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows) -> tuple[Rows, Int[np.ndarray, " n"]]:
     """About the ratio at which the ball meets the centre's height, and why there is none: index of REASONS."""
-    grid = chances_of(rig, belief, np.repeat(distance_m, len(RATIOS)), np.repeat(hood_deg, len(RATIOS)),
+    grid = chances_of(rig, _certain(rig, belief), np.repeat(distance_m, len(RATIOS)), np.repeat(hood_deg, len(RATIOS)),
                       np.tile(RATIOS, len(hood_deg)))
     ratio, reason = zip(*map(_crossing, grid.off_m.reshape(len(hood_deg), -1)), strict=True)
     return np.array(ratio), np.array(reason)
+
+
+def _certain(rig: Rig, belief: Belief) -> Belief:
+    """The belief without its covariance, by which flights reach the same height; their derivatives by its numbers cost
+    most of a forecast. At an opening that faces up, the middle of the places follows the spread."""
+    if rig.target is None or rig.target.faces_up:
+        return belief
+    return replace(belief, names=(), covariance=np.zeros((0, 0)))
 
 
 def _crossing(off_m: Float[np.ndarray, " ratios"]) -> tuple[float, int]:
@@ -182,9 +190,9 @@ def _crossing(off_m: Float[np.ndarray, " ratios"]) -> tuple[float, int]:
 def _ratios(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, start: Rows) -> Rows:
     """The ratios with the most points near those where a height meets the target's centre."""
     opening = opening_of(rig, belief.coefficients, belief.catalogue)
-    ratio = start
+    ratio, certain = start, _certain(rig, belief)
     for _ in range(NEWTON):
-        at = chances_of(rig, belief, distance_m, hood_deg, ratio)
+        at = chances_of(rig, certain, distance_m, hood_deg, ratio)
         with np.errstate(divide="ignore", invalid="ignore"):
             step = -at.off_m / at.per_log_speed
         ratio = np.clip(ratio * np.exp(np.clip(np.nan_to_num(step), -0.1, 0.1)), RATIOS[0], 1.0)

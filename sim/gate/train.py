@@ -124,11 +124,11 @@ def make_surrogate(gate: PhysicsGate, domain: Domain) -> tuple[Surrogate, Errors
     box = np.array([domain[feature.name] for feature in FEATURES])
     up = gate.rig.target is not None and gate.rig.target.faces_up
     for cut in range(CUTS):
-        checks = inside(gate, box, CHECKED, 0)
-        wanted = gate.latent(checks)
+        checks, learned = inside(gate, box, CHECKED, 0), inside(gate, box, LEARNED, 1)
+        wanted, known = gate.latent(checks), gate.latent(learned)
         found: list[tuple[Surrogate, Errors]] = []
         for degree in (DEGREE_UP,) if up else DEGREES if cut == 0 else DEGREES[-1:]:
-            surrogate = fit_surrogate(gate, box, degree)
+            surrogate = fit_surrogate(gate, box, degree, learned, known)
             found.append((surrogate, compare(gate, surrogate, checks, wanted)))
             if found[-1][1].acceptable and found[-1][1].p <= SMALL_P_ERROR:
                 break
@@ -170,16 +170,22 @@ def inside(gate: PhysicsGate, box: np.ndarray, count: int, seed: int) -> np.ndar
     return held[gate.novelty(held) <= NOVELTY_LIMIT]
 
 
-def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int) -> Surrogate:
-    """Fit by least squares on a Chebyshev grid over box [3, 2] (low, high), and on more points inside the domain."""
+def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int, learned: np.ndarray,
+                  known: tuple[np.ndarray, np.ndarray]) -> Surrogate:
+    """Fit by least squares on a Chebyshev grid over box [3, 2] (low, high), and on more points inside the domain.
+
+    learned: those points [n, 3]; known: the gate's latent there, which flies each of them and costs most of a fit.
+    """
     half = np.maximum(0.5 * (box[:, 1] - box[:, 0]), 1e-6)
     middle = 0.5 * (box[:, 0] + box[:, 1])
     points = int(np.ceil(OVERSAMPLED * (degree + 1)))
     nodes = np.cos(np.pi * np.arange(points) / (points - 1))           # the faces included: nothing is extrapolated
     grid = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 3)
-    features = np.concatenate([middle + half * grid, inside(gate, box, LEARNED, 1)])
+    features = np.concatenate([middle + half * grid, learned])
     orders = np.array([order for order in itertools.product(range(degree + 1), repeat=3) if sum(order) <= degree])
-    wanted, novelty = gate.judge(*(latent := gate.latent(features))), gate.novelty(features)
+    on_grid = gate.latent(middle + half * grid)
+    latent = np.concatenate([on_grid[0], known[0]]), np.concatenate([on_grid[1], known[1]])
+    wanted, novelty = gate.judge(*latent), gate.novelty(features)
     columns = products(np.clip((features - middle) / half, -1.0, 1.0), orders)
     if gate.rig.target is not None and gate.rig.target.faces_up:
         return _fit_edges(gate, Surrogate(exact_in_float32(middle), exact_in_float32(1.0 / half), orders,

@@ -1,12 +1,8 @@
 """Tracked clips as the files of a dataset: tracks.csv with standard deviations, shots.csv, rig.toml and pictures."""
 
-import html
-import json
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from pathlib import Path
-from urllib.parse import quote
 
 import cv2
 import msgspec
@@ -18,6 +14,7 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import LEFT_OUT, save_dataset
 from truearc.sim.physics.simulate import trajectories
 from truearc.sim.printed import save_csv
+from truearc.sim.report import make_page
 from truearc.sim.video.ballistics import Floats
 from truearc.sim.video.match import match_by_order, match_times
 from truearc.sim.video.overlay import draw_clip, draw_flight
@@ -105,12 +102,11 @@ def reject(named: Named, clips: Sequence[TrackedClip], rejected: Collection[str]
 
 def make_choice(clips: Sequence[TrackedClip], rejected: Collection[str]) -> str:
     """Return the page on which flights are accepted or rejected by key; it ends in the option that says which."""
-    figures = "".join(
-        f'<figure data-name="{html.escape(name)}"><img loading="lazy" src="{html.escape(quote(name))}.jpg" alt="">'
-        f"<figcaption>{html.escape(one.line(number))}</figcaption></figure>"
-        for one in clips for number in range(len(one.flights)) if (name := flight_name(one, number)))
-    page = (files("truearc.sim.video") / "choose.html").read_text(encoding="utf-8")
-    return page.replace("<!-- flights -->", figures).replace("/* rejected */", json.dumps(sorted(rejected)))
+    return make_page(
+        "Accept or reject flights", "Circles are where the ball was found, the line is the fitted flight; a flight is "
+        "wrong if its circles are not on the ball. Press J and K to go on and back, X or click to reject or accept.",
+        [], template="choose.html", rejected=sorted(rejected),
+        flights=[(flight_name(one, number), one.line(number)) for one in clips for number in range(len(one.flights))])
 
 
 def save_tracks(folder: Path, clips: Sequence[TrackedClip], named: Named, rig: Rig | None,

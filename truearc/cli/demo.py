@@ -52,8 +52,8 @@ def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     _say(f"the envelope's SHA-256: {envelope.sha256}")
     event = acting.play_event(config.rig, practice, envelope.effect.options, seed, 2 + envelope.number, sizes,
                        make_progress("event", args.quiet))
-    ta.train_gate(practice.shots, practice.adopted, seed=seed, progress=make_progress("gate", args.quiet)).export(
-        folder / "gate.onnx")
+    ta.train_gate(acting.aimed_shots(practice.shots), practice.adopted, seed=seed,
+                  progress=make_progress("gate", args.quiet)).export(folder / "gate.onnx")
     _say(f"{_marks(event)}. What practice taught the gate: truearc serve {folder / 'gate.onnx'}")
     _say(event.finding.change)
     write_out(folder / "envelope.txt", envelope.text)

@@ -207,6 +207,14 @@ def _judge(rig: Rig, options: Options, seed: int, sizes: Sizes, shots: ta.Datase
     return Act(shots, finding, adopted, (before, after), (first, second))
 
 
+def aimed_shots(practice: ta.Dataset) -> ta.Dataset:
+    """Return the shots at hood angles that the robot aims with: over all that it practised, where balls stall at the
+    lowest, a gate's graph may not follow the physics closely enough."""
+    low, high = places_of(practice.rig).aimed_deg
+    hood_deg = practice.shots.number("hood_deg")
+    return practice.take(np.flatnonzero((hood_deg >= low) & (hood_deg <= high)).tolist())
+
+
 def fire(rig: Rig, options: Options, seed: int, aim: ta.AimTable, balls: int) -> Volley:
     """Shoot balls from random places, aimed with a table at the distance that the robot measures.
 

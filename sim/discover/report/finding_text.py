@@ -16,11 +16,21 @@ from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Phrase
 MOST_PLACES = 5                       # after the point; beyond, exponents
 WORDING = tomllib.loads((files("truearc.sim.discover.report") / "wording.toml").read_text(encoding="utf-8"))
 COLUMNS: dict[str, str] = WORDING["columns"]
+UNITS = (("rad_s", "rad/s"), ("rev_s", "rev/s"), ("m_s", "m/s"), ("deg", "°"), ("m2_kg", "m²/kg"), ("kg", "kg"),
+         ("pa", "Pa"), ("ratio", "of full"), ("v", "V"), ("c", "°C"), ("m", "m"), ("s", "s"))
 
 
 def in_words(column: str) -> str:
     """A column as people say it; one that is the user's own: by its name, and so are two together."""
     return " x ".join(COLUMNS.get(one, one) for one in column.split(" x "))
+
+
+def part_unit(column: str) -> tuple[str, str]:
+    """Return a column's name without its unit, and the unit as people write it; "" where the name ends in none."""
+    for unit, said in UNITS:
+        if column.endswith(f"_{unit}"):
+            return column.removesuffix(f"_{unit}"), said
+    return column, ""
 
 
 def say_improbable(numbers: Mapping[str, float]) -> str:

@@ -20,7 +20,7 @@ from truearc.sim.discover.detect.battery import Asked
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, followed_column
 from truearc.sim.discover.detect.localization import Place, curve_of, joint_bands
 from truearc.sim.discover.identifiability import Sight
-from truearc.sim.discover.report.finding_text import plain, scale_of
+from truearc.sim.discover.report.finding_text import part_unit, plain, scale_of
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
@@ -476,11 +476,5 @@ def draw_sight(sight: Sight, among: Catalogue | None = None) -> Figure | None:
 
 def _worded(name: str) -> str:
     """A column's name with its unit in brackets, where it ends in one."""
-    for unit, said in UNITS:
-        if name.endswith(f"_{unit}"):
-            return f"{name.removesuffix(f'_{unit}').replace('_', ' ')} [{said}]"
-    return name.replace("_", " ")
-
-
-UNITS = (("rad_s", "rad/s"), ("rev_s", "rev/s"), ("m_s", "m/s"), ("deg", "°"), ("m2_kg", "m²/kg"), ("kg", "kg"),
-         ("pa", "Pa"), ("ratio", "share of full"), ("v", "V"), ("c", "°C"), ("m", "m"), ("s", "s"))
+    rest, unit = part_unit(name)
+    return rest.replace("_", " ") + f" [{unit}]" * bool(unit)

@@ -14,7 +14,7 @@ from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, Story, Unknown, Where
 from truearc.sim.discover.identifiability import Sight, TermIdentifiability
 from truearc.sim.discover.report import finding_text as wording
-from truearc.sim.discover.report.finding_text import WORDING, either, in_words, plain, size_of
+from truearc.sim.discover.report.finding_text import WORDING, either, in_words, part_unit, plain, size_of
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import SHARE
 from truearc.sim.printed import left_out_lines
@@ -166,7 +166,8 @@ def say_where(where: Where, place: Place | None = None) -> str:
     if "low" in where.region and where.region["share_of_gain"] < MOSTLY:
         region = SAY["region"].format(
             share=f"{where.region['share_of_gain']:.0%}", name=in_words(where.region["covariate"]),
-            low=f"{where.region['low']:.3g}", high=f"{where.region['high']:.3g}")
+            low=f"{where.region['low']:.3g}",
+            high=f"{where.region['high']:.3g} {part_unit(where.region['covariate'])[1]}".rstrip())
     what = None if place is None else place.test.what
     if place is not None and isinstance(what, Covariate) and what.name in TIMES and place.test.shape.startswith(STEP):
         since = SAY["since"].format(name=in_words(what.name), value=place.test.shape.removeprefix(STEP))

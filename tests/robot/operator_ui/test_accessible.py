@@ -2,9 +2,11 @@
 
 import json
 from collections.abc import Callable, Iterator
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -13,6 +15,8 @@ import pytest
 from tests.robot.operator_ui.browser import BROWSER, Browser, Shower
 from tests.robot.operator_ui.test_browser import CONFIG, GOOD, MANY
 from tests.robot.operator_ui.test_what_if import GATE
+from tests.sim.discover.made import stand_in
+from tests.sim.systems.test_systems import frame, runs_of, spring
 from tests.waiting import serving
 from truearc.cli.common import load_camera
 from truearc.cli.vision_tuner import Recorded, Tuner, TuneServer, find_pictures
@@ -56,7 +60,7 @@ def check(browser: Browser, url: str, ready: str = "true", prepare: str = "") ->
 
 def offline(make: Callable[[Path], Any]) -> Callable[[Browser, Path], None]:
     def run(browser: Browser, folder: Path) -> None:
-        page = folder / "page.html"
+        page = folder / "index.html"
         made = make(page)
         if isinstance(made, str):
             page.write_text(made, encoding="utf-8")
@@ -65,9 +69,43 @@ def offline(make: Callable[[Path], Any]) -> Callable[[Browser, Path], None]:
     return run
 
 
-def finding(page: Path) -> None:
+@cache
+def found() -> Any:
     import truearc as ta
-    ta.discover(ta.load_dataset(EXAMPLES / "spreadsheet"), seed=0).to_html(page, truth={"wheel_slip": 0.0165})
+    return ta.discover(ta.load_dataset(EXAMPLES / "spreadsheet"), seed=0)
+
+
+def finding(page: Path) -> None:
+    found().to_html(page, truth={"wheel_slip": 0.0165})
+
+
+def demo(page: Path) -> None:
+    from truearc.cli import demo_acts as acting
+    from truearc.sim.report import NO_ORIGIN
+    act = stand_in(acting.Act, shots=found().investigation.dataset, finding=found(),
+                   volleys=(acting.Volley(1, 9, 12), acting.Volley(4, 8, 12)))
+    acts = dict.fromkeys(("practice", "event", "control"), act)
+    acting.save_page(page.parent, acts, acting.draw_effect(3), NO_ORIGIN)
+
+
+def system(page: Path) -> None:
+    import truearc as ta
+    ta.discover(spring(), runs_of(frame(5, push=lambda x, v: -0.3 * float(np.sign(v)))), seed=0).to_html(page)
+
+
+def flights(page: Path) -> str:
+    """To accept or reject, one of each."""
+    from truearc.sim.video.write import make_choice
+    one = Mock(flights=(..., ...), line=lambda number: f"clip flight {number + 1}: 31 positions, residual 0.42 px")
+    one.clip.name = "clip"
+    for number in (1, 2):
+        cv2.imwrite(str(page.parent / f"clip-00{number}.jpg"), np.full((90, 160, 3), 90, np.uint8))
+    return make_choice([one], ["clip-002"])
+
+
+def guide(page: Path) -> str:
+    from truearc.sim.video.guide import make_guide
+    return make_guide(0.15)
 
 
 def season(page: Path) -> None:
@@ -91,7 +129,7 @@ def test_the_check_finds_text_that_is_hard_to_read(browser: Browser, tmp_path: P
         check(browser, page.as_uri())
 
 
-@pytest.mark.parametrize("make", [finding, season, gains], ids=lambda make: make.__name__)
+@pytest.mark.parametrize("make", [finding, demo, system, flights, guide, season, gains], ids=lambda make: make.__name__)
 def test_reports_have_no_serious_violation(browser: Browser, make: Callable[[Path], Any], tmp_path: Path) -> None:
     offline(make)(browser, tmp_path)
 
