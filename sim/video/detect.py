@@ -28,7 +28,11 @@ EDGE_VARIANCE = 0.5                   # pixels^2: what lens, pixel and coding ad
 FULL = (85.0, 40.0)
 LEAST_EDGE = 6.0                      # pixels: the diameter of a disk whose edge can be followed
 EDGE_REACH, RADII, DIRECTIONS = 0.9, 48, 48       # diameters from the centre that are looked at; samples of them
-RIM = (0.28, 0.42)                    # diameters from the centre: inside, near the edge
+RIM = (0.34, 0.44)                    # diameters from the centre: inside, near the edge
+# Measured on rendered clips with five lights: the centre is off by 0.17 pixels or less, by up to 0.42 without; see
+# docs/measured/real-data.md
+SHADING = 0.5                         # share of the fall of the contrast toward the edge that goes on up to it
+LEAST_LIT = 0.3                       # of the rim's contrast, at the edge
 STREAK = 0.9                          # diameters: a longer way during the exposure is a streak
 # diameter by the spread / by the area of a disk; by the area of a streak / by the spread
 SOLID = ((0.85, 1.2), (0.6, 1.25))
@@ -129,15 +133,19 @@ def _measure(difference: Image, mask: Image, labels: npt.NDArray[np.int32], box:
 
 
 def _circle(part: Floats, x_px: float, y_px: float, diameter_px: float) -> tuple[float, float, float]:
-    """(x, y, diameter) of the circle through a disk's edge, found in each direction where half of its inside is left.
+    """(x, y, diameter) of the circle through a disk's edge, found in each direction where half of its contrast is left.
 
     A ball has more contrast on one side than on the other, before a textured wall or in slanting light; its edge has
-    not moved for that. Falls back on what is given where the edge is no circle.
+    not moved for that. The contrast at the edge is that of the rim, less what it loses on the way to the edge: a ball's
+    lit side darkens more slowly. Falls back on what is given where the edge is no circle.
     """
     reach = EDGE_REACH * diameter_px
     polar = cv2.warpPolar(part.astype(np.float32), (RADII, DIRECTIONS), (x_px, y_px), reach, cv2.WARP_POLAR_LINEAR)
     inner, outer = (round(RADII * share / EDGE_REACH) for share in RIM)
-    half = polar[:, inner:outer].mean(axis=1) / 2.0
+    rim, steps = polar[:, inner:outer], np.arange(inner, outer) - (inner + outer - 1) / 2.0
+    fall = np.minimum(rim @ steps / (steps @ steps), 0.0) * (RADII * 0.5 / EDGE_REACH - (inner + outer - 1) / 2.0)
+    mean = rim.mean(axis=1)
+    half = np.maximum(mean + SHADING * fall, LEAST_LIT * mean) / 2.0
     below = polar[:, outer:] < half[:, None]
     sound = below.any(axis=1) & (half > 0.5 * float(np.median(half)))
     rows, last = np.flatnonzero(sound), outer - 1 + np.argmax(below, axis=1)[sound]

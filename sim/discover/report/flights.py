@@ -95,7 +95,6 @@ def draw_film(investigation: Investigation) -> Figure | None:
         axes.set(xlim=(0, picture.shape[1]), ylim=(picture.shape[0], 0))
         axes.set_axis_off()
         axes.set_title(f"filmed, by outcome; dashed: {said}", fontsize=9, loc="left", color=INK)
-    figure.tight_layout(pad=0.1)
     return figure
 
 
