@@ -4,6 +4,7 @@ Where tracks are of clips, also the camera's picture with all flights and, besid
 """
 
 import io
+from collections.abc import Sequence
 
 import matplotlib.image
 import numpy as np
@@ -15,7 +16,7 @@ from truearc.errors import InputError
 from truearc.sim.data.dataset import ORDINARY, Dataset, Film
 from truearc.sim.discover.investigate import Investigation, make_belief
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.launcher import LauncherFit, coefficients_of, scatter_of
+from truearc.sim.infer.launcher import coefficients_of, scatter_of
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.infer.track_forecast import forecast_flights
 from truearc.sim.physics import catalogue as known
@@ -39,7 +40,7 @@ def draw_flights(investigation: Investigation) -> Figure | None:
     dataset, fitted = investigation.dataset, investigation.fitted
     if dataset is None or fitted is None:
         return None
-    beliefs = _beliefs(investigation, fitted)
+    beliefs = beliefs_of(investigation)
     shown = _choose(dataset)
     try:
         arcs = [_arcs(one, shown) for one in beliefs]
@@ -63,18 +64,20 @@ def draw_flights(investigation: Investigation) -> Figure | None:
     return figure
 
 
-def draw_film(investigation: Investigation) -> Figure | None:
-    """Draw all filmed flights on the camera's picture, coloured by outcome, beside flights as simulated, and corrected.
+def draw_film(dataset: Dataset | None, beliefs: Sequence[Belief]) -> Figure | None:
+    """Draw all filmed flights on the camera's picture, coloured by outcome, beside those that each belief simulates.
 
     None: the tracks are not of clips, or the shots lack settings.
+
+    Args:
+        dataset: Shots with tracks.
+        beliefs: What was believed before and, if an effect was found, after.
     """
-    dataset, fitted = investigation.dataset, investigation.fitted
-    if dataset is None or fitted is None or dataset.film is None or dataset.tracks is None:
+    if dataset is None or dataset.film is None or dataset.tracks is None:
         return None
     ids, film = dataset.shots.shot_id, dataset.film
     rows = [row for row, _ in dataset.tracks.by_shot() if ids[row] in film.to_pixel]
     beside = [rows[k] for k in np.unique(np.linspace(0, len(rows) - 1, BESIDE).astype(int))] if rows else []
-    beliefs = _beliefs(investigation, fitted)
     try:
         arcs = [_arcs(one, dataset.take(beside)) for one in beliefs]
         picture = matplotlib.image.imread(io.BytesIO(film.picture), format="jpeg")
@@ -102,8 +105,10 @@ def _to_pixel(film: Film, shot: str, x_m: Array, z_m: Array) -> Array:
     return np.asarray((np.column_stack([x_m, z_m, np.ones(len(x_m))]) @ np.array(film.to_pixel[shot])).T)
 
 
-def _beliefs(investigation: Investigation, fitted: LauncherFit) -> list[Belief]:
-    """What was believed before and, if an effect was found, after."""
+def beliefs_of(investigation: Investigation) -> list[Belief]:
+    """What was believed before and, if an effect was found, after; none without a fit."""
+    if (fitted := investigation.fitted) is None:
+        return []
     believed, among = fitted.without_terms().scores, investigation.catalogue
     before = investigation.belief or Belief(coefficients_of(believed, investigation.finding.data.believed, among),
                                             scatter_of(believed), (), np.zeros((0, 0)), catalogue=among)
