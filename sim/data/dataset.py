@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from itertools import groupby, repeat
 from typing import Any, NamedTuple, Self, TypeVar
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
@@ -125,12 +126,23 @@ class Traces(ShotSamples):
         return cls(np.array(shot, dtype=np.int64), np.array(t_s), tuple(signal), np.array(value))
 
 
+class Film(msgspec.Struct, frozen=True):
+    """What a camera beside the flights had in view, for pictures only.
+
+    picture: A coded picture (JPEG).
+    to_pixel: A shot's matrix [3, 2] from (metres ahead of the exit, above the floor, 1) to a pixel of it.
+    """
+
+    picture: bytes
+    to_pixel: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, float]]]
+
+
 @dataclass(frozen=True)
 class Dataset(Printed):
     """Contents of a directory of shots. `left_out`: excluded data with the reason, one line each.
 
     `accepted`: plausibility objections that the user accepted or that only warn. `track_columns`: like Shots.written,
-    for the tracks. `imported`: the command that made it of a team's file, "" for none.
+    for the tracks. `imported`: the command that made it of a team's file, "" for none. `film`: of tracks from clips.
     """
 
     name: str
@@ -143,6 +155,7 @@ class Dataset(Printed):
     track_columns: dict[str, Written] = field(default_factory=dict)
     times: Times | None = None
     imported: str = ""
+    film: Film | None = None
 
     @property
     def samples(self) -> dict[str, "Tracks | Traces | Times"]:

@@ -19,7 +19,7 @@ from truearc.errors import InputError, load_text, make_toml, near_key, parse_str
 from truearc.robot.config.rig_spec import Rig, as_table, rig_errors
 from truearc.robot.config.targets import misplaced
 from truearc.sim.data import table as cols
-from truearc.sim.data.dataset import Dataset, NoisyTracks, Shots, Times, Traces, Tracks, Written
+from truearc.sim.data.dataset import Dataset, Film, NoisyTracks, Shots, Times, Traces, Tracks, Written
 from truearc.sim.data.table import Cell, Problems, RawTable, as_cell, find_table, gathered, load_table
 
 TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")
@@ -27,7 +27,7 @@ TRACK_NOISE = ("sigma_x_m", "sigma_z_m")
 TIME_COLUMNS = ("shot_id", "height_m", "t_s", "sigma_s")
 SAMPLES = ("tracks", "traces", "times")
 THREES = ("three", "3", "3.0")
-LEFT_OUT, IMPORTED = "left_out.txt", "imported.toml"
+LEFT_OUT, IMPORTED, FILM = "left_out.txt", "imported.toml", "film.json"
 Column = Sequence[str] | np.ndarray
 FIRST = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome", "side")
 RIG = "rig.toml"
@@ -64,7 +64,16 @@ def load_dataset(directory: str | Path) -> Dataset:
     lines = said.read_text(encoding="utf-8", errors="replace").splitlines() if said.is_file() else ()
     imported = parse_struct(load_text(made), Imported, str(made)) if made.is_file() else Imported()
     shots = replace(dataset.shots, written=imported.columns | dataset.shots.written)
-    return replace(dataset, shots=shots, left_out=tuple(lines), imported=imported.command)
+    return replace(dataset, shots=shots, left_out=tuple(lines), imported=imported.command, film=_film(home / FILM))
+
+
+def _film(path: Path) -> Film | None:
+    if not path.is_file():
+        return None
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Film)
+    except msgspec.DecodeError as error:
+        raise InputError(f"{path}: {error}; `truearc track` writes it, and it may be deleted") from error
 
 
 def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
@@ -313,6 +322,8 @@ def save_dataset(directory: str | Path, dataset: Dataset) -> None:
         _save_csv(home / f"{stem}.csv", {"shot_id": [ids[row] for row in table.shot], **columns})
     if dataset.left_out:
         (home / LEFT_OUT).write_text("".join(line + "\n" for line in dataset.left_out), encoding="utf-8")
+    if dataset.film is not None:
+        (home / FILM).write_bytes(msgspec.json.encode(dataset.film))
     if dataset.imported:
         facts = Imported(dataset.imported, dataset.shots.written)
         (home / IMPORTED).write_text(make_toml(msgspec.to_builtins(facts)), encoding="utf-8")

@@ -18,6 +18,8 @@ RENEWED = 4                           # samples after which the median is taken 
 SPARSE = 8                            # of rows and columns, one of which tells of the light and the noise
 FADED = 0.5                           # more or less light than this share is another scene
 SMALLER = 4                           # the picture is reduced by this to find its movement
+# Measured on rendered clips: one place 0.54 to 0.65 and 0.4 pixels; zoomed or turned by a hundredth 0.04 to 0.11
+SHARP, SAME_PX, EDGE = 0.2, 1.5, 20.0             # peak and shift of two pictures' correlation; grey levels of an edge
 EXPLAINED = 0.75                      # share of its difference that is left if the whole picture has moved
 
 
@@ -73,6 +75,24 @@ class Background:
                                borderMode=cv2.BORDER_REPLICATE)
         still, moved = float(np.abs(now - before).mean()), float(np.abs(now - there).mean())
         return SMALLER * float(np.hypot(x_px, y_px)) if moved < EXPLAINED * still else 0.0
+
+
+def is_same_view(one: Image, other: Image) -> bool:
+    """Return whether two backgrounds are of one place of the camera: edges at the same pixels (phase correlation).
+
+    Edges are clipped, or those of a robot that has moved would count more than all of the hall's. Three of the
+    picture's quarters must agree: a camera that is turned or zoomed shifts them differently.
+    """
+    edges = [cv2.Laplacian(one_of.astype(np.float32), cv2.CV_32F).clip(-EDGE, EDGE) for one_of in (
+        cv2.resize(part, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for part in (one, other))]
+    rows, columns = (side // 2 for side in edges[0].shape)
+    window, alike = cv2.createHanningWindow((columns, rows), cv2.CV_32F), 0
+    for top in (0, rows):
+        for left in (0, columns):
+            before, after = (np.ascontiguousarray(part[top:top + rows, left:left + columns]) for part in edges)
+            shift_px, sharp = cv2.phaseCorrelate(before, after, window)
+            alike += sharp > SHARP and 2.0 * float(np.hypot(*shift_px)) < SAME_PX
+    return alike >= 3
 
 
 def _median(pictures: list[Image]) -> Image:

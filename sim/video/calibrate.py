@@ -282,29 +282,29 @@ class Placed(NamedTuple):
 
 
 def exits_of(flights: Sequence[Flight], metres_per_px: float, exit_px: tuple[float, float] | None = None,
-             sheets: Sequence[Sheet | None] = ()) -> list[list[Flight]]:
-    """Group flights by where, from the sheet if that is seen, and in which direction they begin: a group a launcher.
+             sheets: Sequence[Sheet | None] = ()) -> list[list[int]]:
+    """Group rows of flights by where, from the sheet if that is seen, and in which direction they begin: a group a
+    launcher.
 
     The largest group is first, or that which begins nearest to the exit if that is known.
     """
-    stands = [np.zeros(2) if sheet is None else np.array([sheet.x_px, sheet.y_px])
-              for sheet in sheets or [None] * len(flights)]
-    began = {id(flight): np.array([flight.blobs[0].x_px, flight.blobs[0].y_px]) - stand
-             for flight, stand in zip(flights, stands, strict=True)}
-    groups: list[list[Flight]] = []
-    for flight in flights:
+    began = np.array([(flight.blobs[0].x_px, flight.blobs[0].y_px) for flight in flights])
+    stands = np.array([(0.0, 0.0) if sheet is None else (sheet.x_px, sheet.y_px)
+                       for sheet in sheets or [None] * len(flights)])
+    groups: list[list[int]] = []
+    for row, flight in enumerate(flights):
         for group in groups:
             first, second = flight.blobs[:2]
             step_px = np.hypot(second.x_px - first.x_px, second.y_px - first.y_px)      # a first picture may be missed
-            apart_px = np.hypot(*(began[id(flight)] - began[id(group[0])]))
-            if _forward(flight) == _forward(group[0]) and apart_px < SAME_EXIT_M / metres_per_px + 2.0 * step_px:
-                group.append(flight)
+            apart_px = np.hypot(*(began[row] - stands[row] - began[group[0]] + stands[group[0]]))
+            if (_forward(flight) == _forward(flights[group[0]])
+                    and apart_px < SAME_EXIT_M / metres_per_px + 2.0 * step_px):
+                group.append(row)
                 break
         else:
-            groups.append([flight])
+            groups.append([row])
     if exit_px is not None:
-        return sorted(groups, key=lambda group: np.hypot(group[0].blobs[0].x_px - exit_px[0],
-                                                         group[0].blobs[0].y_px - exit_px[1]))
+        return sorted(groups, key=lambda group: np.hypot(*(began[group[0]] - exit_px)))
     return sorted(groups, key=len, reverse=True)
 
 

@@ -12,7 +12,9 @@ import numpy.typing as npt
 
 from truearc.errors import InputError
 from truearc.sim.video.ballistics import LONGEST_STEP_S, Floats, X, Z, fly
+from truearc.sim.video.calibrate import Placed
 from truearc.sim.video.frames import Image
+from truearc.sim.video.link import Flight
 from truearc.sim.video.track import TrackedClip
 
 FOUND, FITTED, TEXT = (0, 220, 255), (255, 160, 0), (255, 255, 255)         # blue, green, red
@@ -75,13 +77,18 @@ def draw_clip(tracked: TrackedClip, outcomes: Sequence[str], simulated: Sequence
             cv2.circle(picture, (round(16 * x_px), round(16 * y_px)), 40, colour, -1, cv2.LINE_AA, shift=4)
         path = simulated[number] if number < len(simulated) else None
         if path is not None and number < len(tracked.placed):
-            placed = tracked.placed[number]
-            to_pixel = np.linalg.lstsq(_plane(np.column_stack([placed.x_m, placed.z_m])), pixels, rcond=None)[0]
-            points = _plane(path) @ to_pixel
+            points = scale * _plane(path) @ to_pixel(flight, tracked.placed[number])
             for k in range(0, len(points) - DASH, DASH + LEFT_OUT):
                 cv2.polylines(picture, [_fine(points[k:k + DASH + 1])], False, SIMULATED, 1, cv2.LINE_AA, shift=4)
     _legend(picture, tracked, outcomes, any(path is not None for path in simulated))
     return picture
+
+
+def to_pixel(flight: Flight, placed: Placed) -> Floats:
+    """Return the matrix [3, 2] from (metres ahead of the exit, above the floor, 1) to the pixels of a flight."""
+    pixels = np.array([(blob.x_px, blob.y_px) for blob in flight.blobs])
+    found: Floats = np.linalg.lstsq(_plane(np.column_stack([placed.x_m, placed.z_m])), pixels, rcond=None)[0]
+    return found
 
 
 def _plane(places_m: Floats) -> Floats:

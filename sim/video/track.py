@@ -4,14 +4,14 @@ Nothing is wrong in silence: a moving camera, a clip without flights, too few pi
 short, a second launcher and a gravity that is not the earth's each get a sentence.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from truearc.sim.printed import Progress
-from truearc.sim.video.background import Background, differences
+from truearc.sim.video.background import Background, differences, is_same_view
 from truearc.sim.video.ballistics import VX, VZ, Priors
 from truearc.sim.video.calibrate import (
     FILE_CLOCK_SD,
@@ -29,7 +29,7 @@ from truearc.sim.video.calibrate import (
     sheet_beside,
 )
 from truearc.sim.video.detect import Blob, find_blobs
-from truearc.sim.video.frames import Clip
+from truearc.sim.video.frames import Clip, Image
 from truearc.sim.video.link import ANY_BALL, FEWEST, Flight, agreeing, link_flights, settle
 from truearc.sim.video.selftest import EARTH_M_S2, SelfTest, measure_gravity, pool
 
@@ -103,6 +103,11 @@ class TrackedClip:
         """Whether truearc's sheet was beside the flights."""
         return self.calibration is not None and any(one.name == SHEET for one in self.calibration.sources)
 
+    def still(self) -> Image | None:
+        """Return the clip's first picture; None if it cannot be read again."""
+        first = next(self.clip.frames(), None)
+        return None if first is None else first.luma
+
     def line(self, number: int) -> str:
         """Return what is to be said of a flight."""
         flight = self.flights[number]
@@ -151,56 +156,133 @@ def rms(flight: Flight) -> float:
     return float(np.sqrt((flight.fit.residual ** 2).sum(axis=1).mean()))
 
 
-def track_clip(clip: Clip, view: View, progress: Progress = lambda done, note: None) -> TrackedClip:
-    """Find and measure the flights of a clip.
-
-    Raises:
-        InputError: A tag is not in view, or marks are at one place.
-    """
-    scene, seen = Background(), Seen()
-    found = list(link_flights(_blobs(clip, scene, seen, progress)))
-    flights = sorted(agreeing(found, None if view.diameter_m is None else EARTH_M_S2 / view.diameter_m),
-                     key=lambda flight: flight.blobs[0].time_s)
-    left_out = [f"{clip.name}: {_span(flight)}: it falls with another acceleration than the other balls"
-                for flight in found if flight not in flights]
-    warnings = _doubts(clip, seen)
-    sheets = [sheet for flight in flights if (sheet := sheet_beside(flight, seen.sheets)) is not None]
-    calibration = calibrate(flights, scene.luma, diameter_m=view.diameter_m, marks=view.marks, tag_m=view.tag_m,
-                            sheets=sheets,
-                            clock_sd=STATED_CLOCK_SD if clip.path.is_dir() else FILE_CLOCK_SD)
-    if not flights:
-        return TrackedClip(clip, seen.end_s, warnings=(*warnings, _no_flight(clip, seen)), left_out=tuple(left_out))
-    priors = view.priors(clip.rate_hz * clip.slow_motion if not clip.path.is_dir() else clip.rate_hz)
-    flights, shared = pool([settle(flight.blobs, priors) or flight for flight in flights], priors)
-    test = measure_gravity(flights, shared, calibration, view.diameter_m)
-    own, *others = ([flights] if calibration.metres_per_px is None else
-                    exits_of(flights, calibration.metres_per_px, view.exit_px,
-                             [sheet_beside(flight, seen.sheets) for flight in flights]))
-    if others:
-        left_out += [f"{clip.name}: {_span(flight)}: it begins elsewhere" for group in others for flight in group]
-        warnings.append(f"{clip.name}: flights begin at {1 + len(others)} places; used are the {len(own)} from pixel "
-                        f"{own[0].blobs[0].x_px:.0f},{own[0].blobs[0].y_px:.0f}; another launcher, or throws by hand? "
-                        "--exit X,Y chooses the place")
-    placed = [] if calibration.metres_per_px is None else place_flights(
-        own, calibration, shared.readout[0], noise_factors(own), view.release_height_m, view.exit_px,
-        [sheet_beside(flight, seen.sheets) for flight in own])
-    return TrackedClip(clip, seen.end_s, tuple(own), tuple(placed), calibration, test,
-                       (*warnings, *(f"{clip.name}: {line}" for line in calibration.warnings)), tuple(left_out))
-
-
 @dataclass
-class Seen:
-    """What is counted while the pictures pass."""
+class Watched:
+    """What the pictures of a clip showed, in pixels.
 
+    end_s: Time of the last picture.
+    pictures, blobs: Their numbers.
+    shifts_px: How far the camera moved, each half second.
+    upright: Whether the picture is higher than wide.
+    sheets: truearc's sheet as it was seen.
+    background: What stood still at last.
+    flights: What fell freely.
+    """
+
+    clip: Clip
     end_s: float = 0.0
     pictures: int = 0
     blobs: int = 0
     shifts_px: list[float] = field(default_factory=list)
     upright: bool = False
     sheets: list[Sheet] = field(default_factory=list)
+    background: Image = field(default_factory=lambda: np.empty((0, 0), np.uint8))
+    flights: list[Flight] = field(default_factory=list)
+
+    def is_filmed_like(self, other: "Watched") -> bool:
+        """Return whether the camera stood at the same place, by what stands still in view."""
+        return (self.clip.slow_motion == other.clip.slow_motion and self.background.shape == other.background.shape
+                and is_same_view(self.background, other.background))
 
 
-def _blobs(clip: Clip, scene: Background, seen: Seen, progress: Progress) -> Iterator[list[Blob]]:
+def track_clip(clip: Clip, view: View, progress: Progress = lambda done, note: None) -> TrackedClip:
+    """Find and measure the flights of a single clip, as `watch` and `measure` do."""
+    return measure([watch(clip, progress)], view)[0]
+
+
+def watch(clip: Clip, progress: Progress = lambda done, note: None) -> Watched:
+    """Find the flights of a clip.
+
+    Raises:
+        InputError: The clip cannot be read.
+    """
+    scene, seen = Background(), Watched(clip)
+    seen.flights = list(link_flights(_blobs(clip, scene, seen, progress)))
+    seen.background = scene.luma
+    return seen
+
+
+def measure(clips: Sequence[Watched], view: View) -> list[TrackedClip]:
+    """Measure the flights of clips.
+
+    Clips of a camera that did not move have one scale, level and rolling shutter, measured by all of them together:
+    measured apart, they would differ by the errors of each, which are steps in time.
+
+    Raises:
+        InputError: A tag is not in view, or marks are at one place.
+    """
+    groups: list[list[int]] = []
+    for number, one in enumerate(clips):
+        for group in groups:
+            if one.is_filmed_like(clips[group[0]]):
+                group.append(number)
+                break
+        else:
+            groups.append([number])
+    found: dict[int, TrackedClip] = {}
+    for group in groups:
+        found.update(zip(group, _measure([clips[number] for number in group], view), strict=True))
+    filmed = [group for group in groups if any(found[number].flights for number in group)]
+    for group in filmed[1:]:
+        tracked = found[group[0]]
+        found[group[0]] = replace(tracked, warnings=(*tracked.warnings, (
+            f"{tracked.clip.name}: the camera stood elsewhere than in {found[filmed[0][0]].clip.name}; discovery fits "
+            "one scale and level for all tracks of a dataset, so track the clips of each place apart")))
+    return [found[number] for number in range(len(clips))]
+
+
+def _measure(clips: Sequence[Watched], view: View) -> list[TrackedClip]:
+    """Those of one place of the camera."""
+    expected = None if view.diameter_m is None else EARTH_M_S2 / view.diameter_m
+    alike = {id(flight) for flight in agreeing([flight for one in clips for flight in one.flights], expected)}
+    left_out = [[f"{one.clip.name}: {_span(flight)}: it falls with another acceleration than the other balls"
+                 for flight in one.flights if id(flight) not in alike] for one in clips]
+    every = [(number, flight, sheet_beside(flight, one.sheets)) for number, one in enumerate(clips)
+             for flight in sorted(one.flights, key=lambda flight: flight.blobs[0].time_s) if id(flight) in alike]
+    calibration = calibrate([flight for _, flight, _ in every], clips[0].background, diameter_m=view.diameter_m,
+                            marks=view.marks, tag_m=view.tag_m, sheets=[sheet for *_, sheet in every if sheet],
+                            clock_sd=STATED_CLOCK_SD if clips[0].clip.path.is_dir() else FILE_CLOCK_SD)
+    warnings = [[*_doubts(one), *(() if number in {k for k, *_ in every} else (_no_flight(one),))]
+                for number, one in enumerate(clips)]
+    if not every:
+        return [TrackedClip(one.clip, one.end_s, warnings=tuple(said), left_out=tuple(left))
+                for one, said, left in zip(clips, warnings, left_out, strict=True)]
+    clip = clips[0].clip
+    priors = view.priors(clip.rate_hz if clip.path.is_dir() else clip.rate_hz * clip.slow_motion)
+    flights, shared = pool([settle(flight.blobs, priors) or flight for _, flight, _ in every], priors)
+    of_clip = [number for number, *_ in every]
+    beside = [sheet for *_, sheet in every]
+    own = list(range(len(flights)))
+    if calibration.metres_per_px is not None:
+        own, *others = exits_of(flights, calibration.metres_per_px, view.exit_px, beside)
+        names = [clips[number].clip.name for number in of_clip]
+        for row in (row for group in others for row in group):
+            left_out[of_clip[row]].append(f"{names[row]}: {_span(flights[row])}: it begins elsewhere")
+        if others:
+            first = flights[own[0]].blobs[0]
+            warnings[of_clip[own[0]]].append(
+                f"{names[own[0]]}: flights begin at {1 + len(others)} places; used are the "
+                f"{len(own)} from pixel {first.x_px:.0f},{first.y_px:.0f}; another launcher, or throws by hand? "
+                "--exit X,Y chooses the place")
+    own = sorted(own)
+    placed = [] if calibration.metres_per_px is None else place_flights(
+        [flights[row] for row in own], calibration, shared.readout[0], noise_factors([flights[row] for row in own]),
+        view.release_height_m, view.exit_px, [beside[row] for row in own])
+    warnings[0] += [f"{clip.name}: {line}" for line in calibration.warnings]
+    found = []
+    for number, one in enumerate(clips):
+        mine = [row for row in own if of_clip[row] == number]
+        falls = [flight for flight, k in zip(flights, of_clip, strict=True) if k == number]
+        found.append(TrackedClip(
+            one.clip, one.end_s, tuple(flights[row] for row in mine),
+            tuple(place for place, row in zip(placed, own, strict=False) if of_clip[row] == number),
+            calibration if falls else None,
+            measure_gravity(falls, shared, calibration, view.diameter_m) if falls else None,
+            tuple(warnings[number]), tuple(left_out[number])))
+    return found
+
+
+def _blobs(clip: Clip, scene: Background, seen: Watched, progress: Progress) -> Iterator[list[Blob]]:
     looked_s = -np.inf
     for number, (frame, difference, noise) in enumerate(differences(clip, scene)):
         blobs = find_blobs(difference, noise, number, frame.time_s, clip.quarter_turns)
@@ -215,8 +297,8 @@ def _blobs(clip: Clip, scene: Background, seen: Seen, progress: Progress) -> Ite
         yield blobs
 
 
-def _doubts(clip: Clip, seen: Seen) -> list[str]:
-    found = []
+def _doubts(seen: Watched) -> list[str]:
+    found, clip = [], seen.clip
     if clip.is_cut_short(seen.end_s):
         found.append(f"{clip.name}: its pictures end after {seen.end_s:.1f} of {clip.duration_s:.1f} s: the file is "
                      "damaged or cut short; flights up to there are used")
@@ -226,13 +308,13 @@ def _doubts(clip: Clip, seen: Seen) -> list[str]:
     return found
 
 
-def _no_flight(clip: Clip, seen: Seen) -> str:
+def _no_flight(seen: Watched) -> str:
     rate = (seen.pictures - 1) / seen.end_s if seen.end_s else 0.0
     why = "nothing of a ball's shape moves in it" if seen.blobs < FEWEST else (
         f"at {rate:.0f} pictures a second a ball in the air is seen too seldom; film with 60 or more"
         if rate < FEW_HZ else "what moves does not fall freely: it is carried, rolls, is hidden or leaves the picture")
     upright = "; the clip is upright: turn the phone, so that flights stay in view" if seen.upright else ""
-    return f"{clip.name}: no flight: {why}{upright}"
+    return f"{seen.clip.name}: no flight: {why}{upright}"
 
 
 def _span(flight: Flight) -> str:

@@ -10,18 +10,19 @@ import numpy as np
 
 from truearc.errors import InputError, save_whole
 from truearc.robot.config.rig_spec import Rig, Tracker
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.dataset import Dataset, Film, Shots
 from truearc.sim.data.files import LEFT_OUT, save_dataset
 from truearc.sim.physics.simulate import trajectories
 from truearc.sim.printed import save_csv
 from truearc.sim.report import make_page
 from truearc.sim.video.ballistics import Floats
 from truearc.sim.video.match import match_by_order, match_times
-from truearc.sim.video.overlay import draw_clip, draw_flight
+from truearc.sim.video.overlay import draw_clip, draw_flight, to_pixel
 from truearc.sim.video.track import TrackedClip
 
 COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_z_m")
 PICTURES = "flights"                  # folder of the pictures
+FILM_COLUMNS, FILM_DARKER = 640, 0.6  # of the picture that a finding shows
 CHOOSE = "index.html"                 # the page to accept or reject flights, in that folder
 
 
@@ -140,7 +141,8 @@ def save_tracks(folder: Path, clips: Sequence[TrackedClip], named: Named, rig: R
         shots, traces = Shots(tuple(name for name, _, _ in flights), {"t_s": np.array([t for _, _, t in flights])},
                               {"session": tuple(clip for _, clip, _ in flights)}), None
     if rig is not None:
-        save_dataset(folder, Dataset(folder.name, with_tracker(rig, clips), shots, None, traces, tuple(left_out)))
+        save_dataset(folder, Dataset(folder.name, with_tracker(rig, clips), shots, None, traces, tuple(left_out),
+                                     film=film_of(clips, named)))
     else:
         save_csv(folder / "shots.csv", ("shot_id", "t_s", "session"),
                  [(name, f"{t:.6f}", clip) for name, clip, t in flights])
@@ -148,6 +150,21 @@ def save_tracks(folder: Path, clips: Sequence[TrackedClip], named: Named, rig: R
             save_whole(folder / LEFT_OUT, "".join(f"{line}\n" for line in left_out).encode())
     save_csv(folder / "tracks.csv", COLUMNS, rows)
     return len(flights)
+
+
+def film_of(clips: Sequence[TrackedClip], named: Named) -> Film | None:
+    """Return the picture of the first clip with flights, and where metres of each shot are in it."""
+    first = next((one for one in clips if one.placed), None)
+    still = None if first is None else first.still()
+    if first is None or still is None:
+        return None
+    share = min(1.0, FILM_COLUMNS / still.shape[1])
+    small = cv2.resize(still, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+    _, data = cv2.imencode(".jpg", cv2.convertScaleAbs(small, alpha=FILM_DARKER))
+    return Film(data.tobytes(), {
+        name: tuple(map(tuple, (share * to_pixel(flight, placed)).round(3).tolist()))
+        for one, names in zip(clips, named.shot_id, strict=True) if one.calibration is first.calibration
+        for name, flight, placed in zip(names, one.flights, one.placed, strict=False) if name})
 
 
 def with_tracker(rig: Rig, clips: Sequence[TrackedClip]) -> Rig:

@@ -200,7 +200,7 @@ def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> 
 # --- outputs
 
 DATASET = ("rig.toml", "shots.csv", "tracks.csv", "times.csv", "traces.csv", "left_out.txt", "imported.toml",
-           "shots.toml")
+           "film.json", "shots.toml")
 WEIGHTS = ("weights.npz", "physics.json", "training.json")
 ADVICE = "name another, or replace it with --force"
 

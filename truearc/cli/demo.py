@@ -66,7 +66,9 @@ def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     acts = {"practice": practice, "event": event, "control": control}
     origin = origin_of(args)
     _keep(folder, acts, origin, envelope.effect.terms)
-    page = acting.save_page(folder, acts, envelope, origin._replace(sha256=hash_dataset(event.shots)))
+    filmed = acting.film_event(folder, config.rig, envelope.effect.options, seed, 2 + envelope.number, sizes, practice,
+                               event)
+    page = acting.save_page(folder, acts, envelope, origin._replace(sha256=hash_dataset(event.shots)), filmed)
     print(f"\n== page: {page}; the same again: --seed {seed}   ({time.monotonic() - began:.0f} s)")
     for what, line in acting.tell(acts, envelope.effect):
         print(f"{what}: {line}")

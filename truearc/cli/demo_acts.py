@@ -9,6 +9,8 @@ import hashlib
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib.util import find_spec
+from itertools import count as count_from
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -24,12 +26,21 @@ from truearc.robot.config.targets import POINTS
 from truearc.sim.aim.solve import best_ratios
 from truearc.sim.data.dataset import join_datasets
 from truearc.sim.discover.report.finding_text import either, interval_of, plain, size_of
-from truearc.sim.discover.report.flights import draw_flights
+from truearc.sim.discover.report.flights import draw_film, draw_flights
 from truearc.sim.discover.report.pages import Drawn, names_of
 from truearc.sim.printed import Progress, part_of
 from truearc.sim.report import BEFORE, GREY, PHONE_IN, Origin, make_page, make_svg, new_panels
 from truearc.sim.world.options import Options, with_ball
-from truearc.sim.world.world import ORDINARY, Bench, ShotSetting, World, play_season, seen_distance_m
+from truearc.sim.world.world import (
+    ORDINARY,
+    TICK_NS,
+    Bench,
+    ShotSetting,
+    World,
+    play_season,
+    seen_distance_m,
+    shoot,
+)
 
 PAPER = ("gravity", "drag", "magnus")                 # the paper's physics
 MARKED_RATIO = 0.85                   # motor speed over free speed, at most
@@ -49,6 +60,7 @@ LEAST_POINTS = 0.5                    # expected of a marked shot, where a hit i
 APART = 1000                          # world seeds of one seed from the next one's
 SEEN = "could not have shown"         # what a finding of nothing says of the effects that it is blind to
 LISTED = 3                            # names in a row
+FILMED, FILM_PX = 12, (640, 360)      # balls of the event that are filmed; the pictures' size
 
 
 class Places(NamedTuple):
@@ -215,6 +227,36 @@ def aimed_shots(practice: ta.Dataset) -> ta.Dataset:
     return practice.take(np.flatnonzero((hood_deg >= low) & (hood_deg <= high)).tolist())
 
 
+def film_event(folder: Path, rig: Rig, options: Options, seed: int, number: int, sizes: Sizes, practice: Act,
+               event: Act) -> Figure | None:
+    """Shoot the event's first balls again before an emulated phone, track its clip, and draw them beside the flights
+    as believed after practice and as found; None without PyAV, and for a target that faces up, which no phone shows.
+    """
+    if (rig.target is not None and rig.target.faces_up) or find_spec("av") is None:
+        return None
+    from truearc.hw.emulated.imaging.phone import Phone
+    from truearc.sim.video import write
+    from truearc.sim.video.frames import open_clip
+    from truearc.sim.video.track import View, track_clip
+    from truearc.sim.world.filming import Filmer
+    own, ticks, filmers = APART * seed + 10 * number, count_from(1), list[Filmer]()
+    settings = marked_settings(rig, practice.adopted, options, own, sizes.marked)[:FILMED]
+
+    def watch(world: World) -> None:
+        if not filmers:
+            filmers.append(Filmer(world, folder / "clips", own, Phone(*FILM_PX),
+                                  *(() if rig.target is None else (rig.target.centre_height_m,))))
+        filmers[0].step(next(ticks) * TICK_NS)
+
+    shoot(rig, options, own, settings, ORDINARY, np.random.default_rng([own, 7]), lambda done, note: None, watch)
+    filmers[0].close()
+    tracked = track_clip(open_clip(folder / "clips" / "clip-01.mp4"), View(
+        2.0 * rig.ball.radius_m, release_height_m=rig.launcher.release_height_m, mass_kg=rig.ball.mass_kg))
+    named = write.match_flights([tracked], event.shots)
+    write.save_tracks(folder / "data" / "filmed", [tracked], named, rig, event.shots)
+    return draw_film(ta.load_dataset(folder / "data" / "filmed"), [practice.adopted, event.adopted])
+
+
 def fire(rig: Rig, options: Options, seed: int, aim: ta.AimTable, balls: int) -> Volley:
     """Shoot balls from random places, aimed with a table at the distance that the robot measures.
 
@@ -345,7 +387,7 @@ def say_limits(event: Act, control: Act) -> str:
     return line + unseen or "Marks do not show in which part a difference arises."
 
 
-def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> Path:
+def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin, filmed: Figure | None = None) -> Path:
     """Write index.html; return its path."""
     effect, event, lines = envelope.effect, acts["event"], tell(acts, envelope.effect)
     before, after = (one.per_ball for one in event.volleys)
@@ -354,6 +396,10 @@ def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> P
     flown, (head, *rows) = draw_flights(event.finding.investigation), _rows(acts, effect)
     pictures = [] if flown is None else [Drawn(make_svg(flown, "flights at the event"), "Flights at the event: as "
                                                "believed after practice (blue), and as found (orange).")]
+    if filmed is not None:
+        pictures.append(Drawn(make_svg(filmed, "filmed flights on the camera's picture"), "The event's first balls, as "
+                              "an emulated phone filmed and truearc tracked them, by outcome (green three, yellow two, "
+                              "red miss), and as simulated."))
     pictures.append(Drawn(make_svg(_draw_worth(acts), "points per ball before and after"),
                           "Points per ball before and after, in practice, at the event and where nothing had changed."))
     page = folder / "index.html"

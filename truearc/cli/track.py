@@ -86,7 +86,7 @@ def track(args: argparse.Namespace) -> int:
 def _track(args: argparse.Namespace) -> int:
     from truearc.sim.video import write
     from truearc.sim.video.frames import open_clip
-    from truearc.sim.video.track import View, track_clip
+    from truearc.sim.video.track import View, measure, watch
     if args.session is None:
         common.refuse(args, ("--by-order",), "applies with --session only")
     recorded = ta.shots_from_sessions([args.session], args.out.name) if args.session else None
@@ -94,19 +94,19 @@ def _track(args: argparse.Namespace) -> int:
     diameter_m = args.ball_diameter or (2.0 * rig.ball.radius_m if rig else None)
     view = View(diameter_m, tuple(args.mark), args.tag_size, args.exit, rig.launcher.release_height_m if rig else 0.0,
                 rig.ball.mass_kg if rig else None)
-    clips, unread = [], 0
+    watched, unread = [], 0
     for number, path in enumerate(args.clips):
         show = part_with_time_left(common.make_progress("track", args.quiet), number, len(args.clips))
         try:
-            one = track_clip(open_clip(path, args.rate, args.slow_motion), view, show)
+            watched.append(watch(open_clip(path, args.rate, args.slow_motion), show))
         except InputError as error:
             print(f"error: {error}", file=sys.stderr)
             unread += 1
-            continue
-        clips.append(one)
-        say_clip(one)
-    if not clips:
+    if not watched:
         raise InputError("no clip could be read")
+    clips = measure(watched, view)
+    for one in clips:
+        say_clip(one)
     named = write.match_flights(clips, recorded, args.by_order) if recorded else write.name_flights(clips)
     named = write.reject(named, clips, args.without)
     print(*named.lines, sep="\n", end="\n" if named.lines else "")

@@ -1,12 +1,19 @@
-"""The side view of a few flights: simulated before and after, with the band of the launch's scatter, and as filmed."""
+"""The side view of a few flights: simulated before and after, with the band of the launch's scatter, and as filmed.
 
+Where tracks are of clips, also the camera's picture with all flights and, beside them, simulated ones.
+"""
+
+import io
+from collections.abc import Sequence
+
+import matplotlib.image
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from truearc.errors import InputError
-from truearc.sim.data.dataset import ORDINARY, Dataset
+from truearc.sim.data.dataset import ORDINARY, Dataset, Film
 from truearc.sim.discover.investigate import Investigation, make_belief
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.launcher import coefficients_of, scatter_of
@@ -16,7 +23,7 @@ from truearc.sim.physics import catalogue as known
 from truearc.sim.physics.flight import make_law, rk4, start_of
 from truearc.sim.physics.simulate import by_robot, launch_of, leave, opening_of, require, sense
 from truearc.sim.physics.term import Exit
-from truearc.sim.report import AFTER, BEFORE, INK, PHONE_IN, new_panels
+from truearc.sim.report import AFTER, BEFORE, COLOURS, GREY, INK, PHONE_IN, new_panels
 from truearc.sim.statistics import Z90
 
 SHARES = (0.1, 0.5, 0.9)              # of the shots by distance: which flights are drawn
@@ -24,6 +31,7 @@ STEP_S, POINTS = 0.04, 100            # of a flight; an arc is then within 2 mm 
 ACROSS = 60                           # points of an arc
 SHARE = 0.4                           # of a track without settings, from which the rest is forecast
 SAMPLES = 400                         # dots of all tracks, at most
+BESIDE = 12                           # simulated flights in the camera's picture, so that each can be followed
 Arc = tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]     # x, height, reach of the band
 
 
@@ -32,10 +40,7 @@ def draw_flights(investigation: Investigation) -> Figure | None:
     dataset, fitted = investigation.dataset, investigation.fitted
     if dataset is None or fitted is None:
         return None
-    believed, among = fitted.without_terms().scores, investigation.catalogue
-    before = investigation.belief or Belief(coefficients_of(believed, investigation.finding.data.believed, among),
-                                            scatter_of(believed), (), np.zeros((0, 0)), catalogue=among)
-    beliefs = [before, make_belief(investigation, investigation.choice)[0]] if investigation.steps else [before]
+    beliefs = beliefs_of(investigation)
     shown = _choose(dataset)
     try:
         arcs = [_arcs(one, shown) for one in beliefs]
@@ -57,6 +62,57 @@ def draw_flights(investigation: Investigation) -> Figure | None:
     axes.set(xlabel="distance from the exit [m]", ylabel="height above the floor [m]", ylim=(0.0, None))
     axes.legend(frameon=False, fontsize=9, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
     return figure
+
+
+def draw_film(dataset: Dataset | None, beliefs: Sequence[Belief]) -> Figure | None:
+    """Draw all filmed flights on the camera's picture, coloured by outcome, beside those that each belief simulates.
+
+    None: the tracks are not of clips, or the shots lack settings.
+
+    Args:
+        dataset: Shots with tracks.
+        beliefs: What was believed before and, if an effect was found, after.
+    """
+    if dataset is None or dataset.film is None or dataset.tracks is None:
+        return None
+    ids, film = dataset.shots.shot_id, dataset.film
+    rows = [row for row, _ in dataset.tracks.by_shot() if ids[row] in film.to_pixel]
+    beside = [rows[k] for k in np.unique(np.linspace(0, len(rows) - 1, BESIDE).astype(int))] if rows else []
+    try:
+        arcs = [_arcs(one, dataset.take(beside)) for one in beliefs]
+        picture = matplotlib.image.imread(io.BytesIO(film.picture), format="jpeg")
+    except (InputError, OSError):
+        return None
+    outcomes, height = dataset.shots.text("outcome"), PHONE_IN * picture.shape[0] / picture.shape[1] + 0.3
+    figure, panels = new_panels(PHONE_IN, height * len(beliefs), rows=len(beliefs))
+    places = dict(dataset.tracks.by_shot())
+    for axes, flights, said in zip(panels, arcs, ("as simulated", "corrected"), strict=False):
+        axes.imshow(picture, cmap="gray", vmin=0, vmax=255, interpolation="none", aspect="equal")
+        for row in rows:
+            mine = places[row]
+            x_px, z_px = _to_pixel(film, ids[row], dataset.tracks.x_m[mine], dataset.tracks.z_m[mine])
+            axes.plot(x_px, z_px, lw=1.2, color=COLOURS.get(outcomes[row], GREY))
+        for number, (row, (x, z, _)) in enumerate(zip(beside, flights, strict=True)):
+            axes.plot(*_to_pixel(film, ids[row], x, z), lw=0.9, ls=(0, (3, 1.5)), color="#ffffff",
+                      label=said if number == 0 else None)
+        axes.set(xlim=(0, picture.shape[1]), ylim=(picture.shape[0], 0))
+        axes.set_axis_off()
+        axes.set_title(f"filmed, by outcome; dashed: {said}", fontsize=9, loc="left", color=INK)
+    return figure
+
+
+def _to_pixel(film: Film, shot: str, x_m: Array, z_m: Array) -> Array:
+    return np.asarray((np.column_stack([x_m, z_m, np.ones(len(x_m))]) @ np.array(film.to_pixel[shot])).T)
+
+
+def beliefs_of(investigation: Investigation) -> list[Belief]:
+    """What was believed before and, if an effect was found, after; none without a fit."""
+    if (fitted := investigation.fitted) is None:
+        return []
+    believed, among = fitted.without_terms().scores, investigation.catalogue
+    before = investigation.belief or Belief(coefficients_of(believed, investigation.finding.data.believed, among),
+                                            scatter_of(believed), (), np.zeros((0, 0)), catalogue=among)
+    return [before, make_belief(investigation, investigation.choice)[0]] if investigation.steps else [before]
 
 
 def _choose(dataset: Dataset) -> Dataset:

@@ -21,7 +21,7 @@ from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report import pictures
 from truearc.sim.discover.report import story as stories
 from truearc.sim.discover.report.finding_text import WORDING, in_words, list_believed, plain, size_of
-from truearc.sim.discover.report.flights import draw_flights
+from truearc.sim.discover.report.flights import beliefs_of, draw_film, draw_flights
 from truearc.sim.discover.report.pictures import View, draw_flight, draw_sight, halves, residual_figure, views_of
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
@@ -230,6 +230,9 @@ def make_pictures(investigation: Investigation) -> list[Drawn]:
     said = (f"Side view of flights as simulated{' (blue) and corrected (orange)' if investigation.steps else ''}; the "
             f"band holds nine in ten by the scatter of the launch{', dots: filmed' if data and data.tracks else ''}.")
     pictures = [] if flown is None else [Drawn(make_svg(flown, "flights, simulated and real"), said)]
+    if (filmed := draw_film(data, beliefs_of(investigation))) is not None:
+        pictures.insert(0, Drawn(make_svg(filmed, "filmed flights on the camera's picture"), "What the camera saw: all "
+                                 "flights by outcome (green three, yellow two, red miss), and flights as simulated."))
     for view in _views(investigation, investigation.steps):
         what = _said(view.step, investigation.catalogue)
         shown = [_against(view, what), _along_flight(view, what)]

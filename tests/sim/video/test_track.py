@@ -3,16 +3,18 @@
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 import truearc as ta
 from tests.sim.video.film import Scene, Throw, film
 from truearc.sim.video.calibrate import Mark, noise_factors
+from truearc.sim.video.detect import Blob
 from truearc.sim.video.frames import Clip, open_clip
-from truearc.sim.video.link import sigma_px
+from truearc.sim.video.link import settle, sigma_px
 from truearc.sim.video.overlay import draw_flight
-from truearc.sim.video.track import TrackedClip, View, track_clip
+from truearc.sim.video.track import TrackedClip, View, Watched, measure, track_clip
 from truearc.sim.video.write import match_flights, name_flights, save_tracks
 
 BALL_M = 0.178
@@ -165,9 +167,37 @@ def test_clips_become_a_dataset_of_the_recordings_shots(tmp_path):
     assert len(read.shots) == len(shot_s)
     assert (read.tracks.y_m == 0.0).all()
     assert read.rig.tracker.scale_sd == pytest.approx(0.022, abs=0.01)
+    # the picture that a finding shows has the flights where they were
+    to_pixel, mine = np.array(read.film.to_pixel[names[2]]), read.tracks.shot == 2
+    at = np.column_stack([read.tracks.x_m[mine], read.tracks.z_m[mine], np.ones(mine.sum())]) @ to_pixel
+    assert np.abs(at - [(blob.x_px, blob.y_px) for blob in found.flights[0].blobs]).max() < 1.0
     assert "sigma_z_m" in (tmp_path / "data" / "tracks.csv").read_text().splitlines()[0]
     assert save_tracks(tmp_path / "alone", [found], name_flights([found]), None) == 5
     assert draw_flight(found, 0).shape == (360, 640, 3)
+
+
+def watched(name: str, seed: int, diameter_px: float, hall: np.ndarray) -> Watched:
+    """A clip with three flights, the ball of which seems as large as that, before a wall."""
+    flights = []
+    for ball in throws(3, seed):
+        times = np.arange(ball.begin_s, ball.end_s, 1.0 / 60.0)
+        flights.append(settle(tuple(Blob(t, *ball.place(t), diameter_px, 4.0, 0.0, 90.0, 0.0, round(60 * t))
+                                    for t in times)))
+    return Watched(Clip(Path(name), 60.0, 5.0), end_s=5.0, pictures=300, blobs=300, background=hall, flights=flights)
+
+
+def test_clips_of_a_still_camera_share_one_scale():
+    rng = np.random.default_rng(5)
+    hall = cv2.GaussianBlur(rng.integers(0, 255, (360, 640)).astype(np.uint8), (0, 0), 2.0)
+    robot = hall.copy()
+    robot[240:330, 40:150] = 30       # it has driven there since
+    moved = cv2.warpAffine(hall, cv2.getRotationMatrix2D((320, 180), 0.0, 1.02), (640, 360))
+    one, other, third = measure([watched("a.mp4", 1, 24.0, hall), watched("b.mp4", 2, 24.5, robot),
+                                 watched("c.mp4", 3, 24.5, moved)], KNOWN)
+    assert one.calibration == other.calibration
+    assert BALL_M / 24.5 < one.calibration.metres_per_px < BALL_M / 24.0
+    assert third.calibration.metres_per_px == pytest.approx(BALL_M / 24.5)
+    assert not one.warnings and not other.warnings and "stood elsewhere" in third.warnings[0]
 
 
 def test_name_of_a_clip_is_its_files(tmp_path):
