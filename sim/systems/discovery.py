@@ -372,24 +372,14 @@ def plan(step: Step) -> tuple[dict[str, Any], ...]:
     return ({"do": "run", "condition": name, "value": value, "runs": PLANNED, "separates": list(names)},)
 
 
-@dataclass(frozen=True, eq=False)
-class Pair:
-    """Two parameters that the runs cannot tell apart."""
-
-    first: str
-    second: str
-    correlation: float
-
-
-def inseparable(fitted: SystemFitted) -> tuple[Pair, ...]:
-    """Return parameters whose estimates go together."""
+def inseparable(fitted: SystemFitted) -> list[tuple[str, str, float]]:
+    """Return pairs of parameters whose estimates go together, with their correlation."""
     bare = fitted.without_terms()
     names, covariance = [column.name for column in bare.scores.columns], bare.scores.covariance
     sd = np.sqrt(np.diag(covariance))
     own = [k for k, name in enumerate(names) if not name.startswith("scatter.")]
-    return tuple(Pair(names[a], names[b], float(covariance[a, b] / (sd[a] * sd[b])))
-                 for n, a in enumerate(own) for b in own[n + 1:]
-                 if abs(covariance[a, b]) > INSTEAD * sd[a] * sd[b])
+    return [(names[a], names[b], float(covariance[a, b] / (sd[a] * sd[b]))) for n, a in enumerate(own)
+            for b in own[n + 1:] if abs(covariance[a, b]) > INSTEAD * sd[a] * sd[b]]
 
 
 @dataclass(frozen=True, eq=False)

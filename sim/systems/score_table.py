@@ -425,7 +425,6 @@ class SystemModel(Flights):
         return Carrying(model.shared_only(column.name for column in columns), [begin])
 
 
-@dataclass(frozen=True, eq=False, init=False)
 class System(SystemSpec):
     __doc__ = SystemSpec.__doc__
 
