@@ -21,7 +21,7 @@ from truearc.sim.systems import candidates as what
 from truearc.sim.systems.candidates import Candidate
 from truearc.sim.systems.flight import CLOSE, MOST_SUBSTEPS, NO_PUSHES, Stepper
 from truearc.sim.systems.noise import Gains, noise_gains, whiten
-from truearc.sim.systems.sensitivity import Entry, Flights, Flown, SystemLayout, SystemPoint, SystemShape
+from truearc.sim.systems.sensitivity import STEPS, Entry, Flights, Flown, SystemLayout, SystemPoint, SystemShape
 from truearc.sim.systems.system import Recording, Runs, SystemSpec, record
 
 SLOWEST = 0.1                         # of the longest row: the noise's time constant at most (the design)
@@ -330,7 +330,7 @@ class SystemModel(Flights):
 
     def shapes(self, names: tuple[str, ...]) -> list[SystemShape]:
         slots = {self.entries[k].column.name: self.entries[k].slot for k in self.layout.source if k >= 0}
-        return [SystemShape(slots[name], k) for name in names
+        return [SystemShape(slots[name], k, step) for step in STEPS for name in names
                 for k, one in enumerate(self.slots[slots[name]].shape) if len(one.values) > 1]
 
     def shared_only(self, names: Iterable[str] = ()) -> "SystemModel":
@@ -375,7 +375,8 @@ class SystemModel(Flights):
     def shape_of(self, name: str, point: SystemPoint) -> str:
         """Return the shape numbers of a candidate in words."""
         return "".join(f", {self.slots[one.slot].shape[one.number].word} "
-                       f"{self.numbers(point, one.slot)[one.number]:.3g}" for one in self.shapes((name,)))
+                       f"{self.numbers(point, one.slot)[one.number]:.3g}" for one in self.shapes((name,))
+                       if one.step == STEPS[0])
 
     def describe(self, name: str) -> tuple[str, str] | None:
         one = self.labels.get(name)

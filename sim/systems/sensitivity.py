@@ -22,7 +22,7 @@ from truearc.sim.systems.system import Recording, SystemSpec
 
 DIFFERENCE = 1e-3                     # usual sizes of an effect of the user's own, by which it is moved for a slope
 FINITE = 1e-3                         # prior standard deviations by which a closed program's numbers are moved
-FINE = 0.2                            # of what TRIED is in, by which refits move a shape number; chosen: a quarter
+STEPS = (0.8, 0.2)                    # by which refits move a shape number, in turn; chosen: those of TRIED, a quarter
 FAR = 1e3                             # ranges that a flight which fails counts as off
 
 
@@ -74,10 +74,11 @@ class SystemShape:
 
     slot: int
     number: int
+    step: float
 
     def put(self, point: SystemPoint, place: float) -> SystemPoint:
         places = point.places.copy()
-        places[self.slot, self.number] += FINE * place
+        places[self.slot, self.number] += self.step * place
         return replace(point, places=places)
 
 
