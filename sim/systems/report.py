@@ -68,7 +68,7 @@ def say_effect(one: FoundEffect, step: Step) -> str:
         why = f"; {one.withheld}" if not isinstance(one.withheld, UnsetType) else ""
         return f" that no candidate explains{why}{goes if changed else ''}."
     members = [name for name in one.what if name.term in one.set]
-    leader = step.naming.refits.get(members[0].term)
+    leader: SystemFitted | None = step.naming.refits.get(members[0].term)
     sized = size(members[0]) + ("" if leader is None else leader.model.shape_of(members[0].term, leader.point))
     if len(one.set) == 1:
         return f": {label(members[0].term)}: {sized}."

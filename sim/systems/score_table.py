@@ -258,7 +258,7 @@ class SystemModel(Flights):
     def _pieces(self, count: int) -> Int[Array, "R T"]:
         """The piece that each sample belongs to."""
         real = self.recording.real
-        return np.minimum(np.arange(real.shape[1]) * count // real.sum(1, keepdims=True), count - 1)
+        return np.asarray(np.minimum(np.arange(real.shape[1]) * count // real.sum(1, keepdims=True), count - 1))
 
     def _by_noise(self, point: SystemPoint, off: Float[Array, "R T O"], known: Bool[Array, "R T O"],
                   linear: Array, bend: Array) -> None:

@@ -179,11 +179,11 @@ class Flights:
         return ([k for k in active if self.slots[k].slot[0] == "push"],
                 [k for k in active if self.slots[k].slot[0] == "effect"])
 
-    def _pushes(self, point: SystemPoint, active: Sequence[int]) -> Pushes:
+    def _pushes(self, point: SystemPoint, active: list[int]) -> Pushes:
         """Padded to a power of two, so that compiled code is shared."""
         size, last = 0 if not active else 1 << (len(active) - 1).bit_length(), len(self.system.state) + len(self.names)
         kept = [(*push.at(self.numbers(point, k)), push.reads, last if push.times < 0 else push.times, push.rate)
-                for k in (*active, *active[:1] * (size - len(active))) if (push := self.slots[k].push) is not None]
+                for k in active + active[:1] * (size - len(active)) if (push := self.slots[k].push) is not None]
         return Pushes(*map(np.stack, zip(*kept, strict=True))) if kept else NO_PUSHES
 
     def _drive(self, point: SystemPoint, values: Float[Array, "R V"], slots: tuple[int, ...]) -> Any:
