@@ -109,8 +109,7 @@ def servo_runs(table: dict[str, np.ndarray]) -> "ta.Runs":
                    conditions=["mass_kg", "length_m", "kp", "supply_v"])
 
 
-@numba.njit(cache=True)
-def swing(p: Any, friction: Any, run: Any) -> Any:
+def law_of_swing(p: Any, friction: Any, run: Any) -> Any:
     """Angles of one run at 5 ms by the owners' law: friction takes speed away within its limit, and stops the arm.
 
     p: push, emf, ratio, armature, offset, viscous. friction: f, l for te and tm, s, speed, alpha, ls for te and tm,
@@ -136,6 +135,8 @@ def swing(p: Any, friction: Any, run: Any) -> Any:
     return found
 
 
+swing: Any = numba.njit(cache=True)(law_of_swing)
+
 # {model: of its friction numbers, which are free; numbers in braces are equal}. The outside torque on the gearbox and
 # the motor's are both taken along the motion, so that |te - tm| of the owners, who count them against each other, is
 # |te + tm| here
@@ -150,7 +151,8 @@ USED = np.array([True, False, False, False, True, True, False, False, False, Fal
 
 def fit_rivals(runs: list[tuple[Any, Any]]) -> dict[str, Callable[[Any], Any]]:
     """{model: angles of a run}, each fitted to the positions of these runs [(run, angles)], from M1's numbers on."""
-    found, plain = {}, np.log(np.array([0.15, 0.3, 1.0, 0.01, 1.0, 0.05]))
+    found: dict[str, Callable[[Any], Any]] = {}
+    plain = np.log(np.array([0.15, 0.3, 1.0, 0.01, 1.0, 0.05]))
     plain[4] = 0.0
     for name, groups in MODELS.items():
         def numbers(x: Any, groups: list[list[int]] = groups) -> tuple[Any, Any]:

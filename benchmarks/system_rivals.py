@@ -11,6 +11,7 @@ the speed, by the rule of the launcher's rivals (truearc_proof.rivals.sindy), wi
 import io
 import sys
 from contextlib import redirect_stdout
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -57,9 +58,8 @@ def rate(state: Any, inputs: Any, p: Any) -> Any:
 
 def by_mujoco(table: dict[str, np.ndarray]) -> list[str]:
     """Fitted numbers, and the insights of the report."""
-    import mujoco
-    from mujoco import sysid
-    from mujoco.sysid.report.sections.insights import AutomatedInsights
+    mujoco, sysid, insights = map(import_module, (
+        "mujoco", "mujoco.sysid", "mujoco.sysid.report.sections.insights"))
     spec = mujoco.MjSpec.from_string(JOINT)
     model = spec.compile()
     start = sysid.create_initial_state(model, np.zeros(1), np.zeros(1), None)
@@ -87,7 +87,7 @@ def by_mujoco(table: dict[str, np.ndarray]) -> list[str]:
     half = sysid.calculate_intervals(left, result.jac)[1]
     numbers = ", ".join(f"{name} {value:.4g} +- {reach:.2g}" for name, value, reach in zip(
         fitted.keys(), result.x, half, strict=True))
-    said = AutomatedInsights("log", fitted)._generate_insights()
+    said = insights.AutomatedInsights("log", fitted)._generate_insights()
     return ["mujoco.sysid", f"{numbers} (95 %)", *(f"{one['title']}: {one['message']}" for one in said)]
 
 
@@ -106,10 +106,10 @@ def by_pysindy(table: dict[str, np.ndarray], seed: int) -> list[str]:
                   "stribeck(speed)": sign * np.exp(-np.abs(speed) / FADE_RAD_S)}
         parts.append((slope, np.stack([torque, speed, sign], axis=1), np.stack([*shapes.values()], axis=1),
                       np.full(len(rows), run)))
-    rows = Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-    usual = 0.1 * np.sqrt(np.mean(rows.target**2)) / np.sqrt(np.mean(rows.candidates**2, axis=0))
-    rows = rows._replace(candidates=rows.candidates * usual)
-    models = ensemble(rows, tune(rows), seed)
+    whole = Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    usual = 0.1 * np.sqrt(np.mean(whole.target**2)) / np.sqrt(np.mean(whole.candidates**2, axis=0))
+    whole = whole._replace(candidates=whole.candidates * usual)
+    models = ensemble(whole, tune(whole), seed)
     kept = (models != 0.0).mean(0)
     lines = ["PySINDy's ensemble beside the believed terms"]
     for name, share, size in zip(shapes, kept, np.median(models, axis=0) * usual, strict=True):

@@ -26,7 +26,8 @@ USUAL_DELAY = 2.0                     # median time steps; chosen
 # of the normal distribution that a level's share of the recorded values is read from. Measured (docs/measured/
 # systems.md): with a fixed width dry friction was named Stribeck, with a fixed level an overflow a cubic push
 SMOOTH = 0.01                         # of a speed's range over which a sign is smoothed (the design)
-SLOW = 0.1                            # of a speed's range within which Stribeck friction fades; chosen
+SLOW, SLOWEST = 0.1, 0.3              # of a speed's range in which Stribeck friction fades, and at most; chosen: what
+                                      # has not faded at more than half of the highest speed is dry friction
 BAND = 0.2                            # of an input's range in a dead band; chosen
 HIGH = 0.85                           # share of the recorded values below an upper level; chosen
 FACTOR, ENDS, GRID = 3.0, 3.0, 25     # of a width; deviations to the end of a search, and places in between
@@ -50,9 +51,9 @@ class Number:
         return float(np.interp(place, np.linspace(-ENDS, ENDS, len(self.values)), self.values))
 
 
-def scaled(word: str, centre: float) -> Number:
-    """Return a positive number that is known to a factor."""
-    return Number(word, tuple((centre * FACTOR**np.linspace(-ENDS, ENDS, GRID)).tolist()))
+def scaled(word: str, centre: float, most: float = np.inf) -> Number:
+    """Return a positive number that is known to a factor, and is at most so large."""
+    return Number(word, tuple(np.minimum(centre * FACTOR**np.linspace(-ENDS, ENDS, GRID), most).tolist()))
 
 
 def level(values: Float[Array, " m"], share: float) -> Number:
@@ -226,7 +227,7 @@ def push_candidates(system: SystemSpec, recording: Recording, believed: Believed
             (0, -1, ("constant", "a constant push", np.ones_like, ()))]
         for j in varying if rate else [j for j in varying if j < s]:
             shapes += [(j, -1, one) for one in _shapes(believed.names[j], values[j], j < s, rate and j in kinematic,
-                                                       j in (speeds if rate else both_signs), rate, j < s + moving)]
+                                                       j in (speeds if rate else both_signs), j < s + moving)]
         for j in speeds if rate else ():
             shapes += [(j, k, (f"{believed.names[k]}_sign_{believed.names[j]}", f"friction against {believed.names[j]} "
                                f"that grows with {believed.names[k]}", _sign, (_width(values[j]),)))
@@ -247,7 +248,7 @@ def push_candidates(system: SystemSpec, recording: Recording, believed: Believed
                             push=Table(i, 0, -1, _knots(values[0]), np.ones_like), direction=target)
 
 
-def _shapes(name: str, values: Float[Array, " m"], state: bool, position: bool, speed: bool, levels: bool,
+def _shapes(name: str, values: Float[Array, " m"], state: bool, position: bool, speed: bool,
             moving: bool) -> Iterator[Shaped]:
     """The pushes by one value."""
     yield f"prop_{name}", f"a push proportional to {name}", lambda v: v, ()
@@ -264,15 +265,14 @@ def _shapes(name: str, values: Float[Array, " m"], state: bool, position: bool, 
         yield f"sign_{name}", f"a push by the sign of {name} (dry friction)", _sign, (width,)
         yield (f"stribeck_{name}", f"a push by the sign of {name} that fades with speed (Stribeck)",
                lambda v, width, slow: np.tanh(v / width) * np.exp(-np.abs(v) / slow),
-               (width, scaled("fading speed", SLOW * float(np.ptp(values)))))
+               (width, scaled("fading speed", SLOW * float(np.ptp(values)), SLOWEST * float(np.ptp(values)))))
     if not state and _both_signs(values):
         yield (f"band_{name}", f"a dead band of {name}", lambda v, band: np.clip(v, -band, band),
                (scaled("band", BAND * float(np.ptp(values))),))
-    if levels:
-        yield (f"above_{name}", f"a push where {name} is above a level (overflow, end stop)",
-               lambda v, at: np.maximum(v - at, 0.0), (level(values, HIGH),))
-        yield (f"below_{name}", f"a push where {name} is below a level (end stop)",
-               lambda v, at: np.minimum(v - at, 0.0), (level(values, 1.0 - HIGH),))
+    yield (f"above_{name}", f"a push where {name} is above a level (overflow, end stop)",
+           lambda v, at: np.maximum(v - at, 0.0), (level(values, HIGH),))
+    yield (f"below_{name}", f"a push where {name} is below a level (end stop)",
+           lambda v, at: np.minimum(v - at, 0.0), (level(values, 1.0 - HIGH),))
 
 
 def _sign(v: Any, width: float) -> Any:

@@ -12,7 +12,7 @@ from msgspec import UNSET, structs
 from truearc.errors import InputError
 from truearc.sim.discover import finding as parts
 from truearc.sim.discover.decide import Search, Step, decide, gain_interval, judge_left, verdict_of
-from truearc.sim.discover.detect.battery import ALLOWANCE, TERMS, Asked, Judged, judge, name_of
+from truearc.sim.discover.detect.battery import ALLOWANCE, TERMS, judge, name_of
 from truearc.sim.discover.detect.covariates import Covariate, covariates_among, factors_among
 from truearc.sim.discover.detect.localization import contrast_of, locate, size_weights
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Interval, Named, Unknown, Where
@@ -191,7 +191,8 @@ def investigate(system: SystemSpec, runs: Runs, say: Callable[["SystemInvestigat
     if rows < FEWEST_ROWS:
         why = f"{len(runs)} runs give {rows} rows; a test needs {FEWEST_ROWS} of like weight"
         return SystemInvestigation(system, runs, _cannot(model, false_alarm, why))
-    fitted = one_name_each(fit_believed(model, part_of(progress, 0.0, 0.3)))
+    every = fit_believed(model, part_of(progress, 0.0, 0.3))
+    fitted = one_name_each(every)
     model = fitted.model
     covariates = covariates_among(model.covariates)
     search = Search(rows, covariates, factors_among(model.sessions), false_alarm, seed, None, "")
@@ -205,14 +206,17 @@ def investigate(system: SystemSpec, runs: Runs, say: Callable[["SystemInvestigat
         return SystemInvestigation(system, runs, _cannot(model, false_alarm, why), fitted)
     judged = judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, parts.SIGN_DRAWS, seed,
                    part_of(progress, 0.3, 0.1))
+    mismatch = parts.Mismatch(judged.p_any <= false_alarm, judged.p_any, false_alarm, results_of(
+        fitted.scores, asked, judged, false_alarm), len(asked.tests), judged.families)
+    sight = sight_of(fitted.scores, "runs", tuple(system.believed), judged.threshold(TERMS, false_alarm))
     steps: tuple[Step, ...] = ()
-    if judged.p_any <= false_alarm:
+    if mismatch.found:
+        fitted = one_name_each(well_placed(every))
         whole = search.ask(fitted)
         place = locate(fitted.scores, whole, judge_left(whole, seed), false_alarm, rows, seed) if whole.tests else None
-        steps = decide(well_placed(fitted), place, search, part_of(progress, 0.4, 0.5))
+        steps = decide(fitted, place, search, part_of(progress, 0.4, 0.5))
     more = _with_everything(steps)
-    sight = sight_of(fitted.scores, "runs", tuple(system.believed), judged.threshold(TERMS, false_alarm))
-    finding = _record(fitted, asked, judged, steps, more, false_alarm)
+    finding = _record(fitted, mismatch, steps, more)
     progress(1.0, "done")
     found = SystemInvestigation(system, runs, finding, fitted, steps, more, sight)
     return replace(found, finding=structs.replace(finding, sentence=say(found)))
@@ -269,15 +273,13 @@ def _data(model: SystemModel, fitted: dict[str, float], rows: int) -> parts.Data
                               else "block", "count": rows}, notes=tuple(notes))
 
 
-def _record(fitted: SystemFitted, asked: Asked, judged: Judged, steps: Sequence[Step], more: SystemFitted | None,
-            false_alarm: float) -> FindingRecord:
+def _record(fitted: SystemFitted, mismatch: parts.Mismatch, steps: Sequence[Step],
+            more: SystemFitted | None) -> FindingRecord:
     model: SystemModel = fitted.model
     first, scores = fitted.scores.first_shared, fitted.scores
     numbers = {column.name: model.shown(column.name, float(at))
                for column, at in zip(scores.columns[first:], scores.point[first:], strict=True)}
     data = _data(model, numbers, len(scores.rows))
-    mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results_of(scores, asked, judged, false_alarm),
-                              len(asked.tests), judged.families)
     fit = _summary(fitted, more)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
@@ -372,24 +374,14 @@ def plan(step: Step) -> tuple[dict[str, Any], ...]:
     return ({"do": "run", "condition": name, "value": value, "runs": PLANNED, "separates": list(names)},)
 
 
-@dataclass(frozen=True, eq=False)
-class Pair:
-    """Two parameters that the runs cannot tell apart."""
-
-    first: str
-    second: str
-    correlation: float
-
-
-def inseparable(fitted: SystemFitted) -> tuple[Pair, ...]:
-    """Return parameters whose estimates go together."""
+def inseparable(fitted: SystemFitted) -> list[tuple[str, str, float]]:
+    """Return pairs of parameters whose estimates go together, with their correlation."""
     bare = fitted.without_terms()
     names, covariance = [column.name for column in bare.scores.columns], bare.scores.covariance
     sd = np.sqrt(np.diag(covariance))
     own = [k for k, name in enumerate(names) if not name.startswith("scatter.")]
-    return tuple(Pair(names[a], names[b], float(covariance[a, b] / (sd[a] * sd[b])))
-                 for n, a in enumerate(own) for b in own[n + 1:]
-                 if abs(covariance[a, b]) > INSTEAD * sd[a] * sd[b])
+    return [(names[a], names[b], float(covariance[a, b] / (sd[a] * sd[b]))) for n, a in enumerate(own)
+            for b in own[n + 1:] if abs(covariance[a, b]) > INSTEAD * sd[a] * sd[b]]
 
 
 @dataclass(frozen=True, eq=False)

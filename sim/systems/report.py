@@ -33,11 +33,13 @@ CURVE = 200                           # points of a picture's curve
 
 def size(one: Named) -> str:
     """Return an effect's size with its 90 % interval."""
-    value = one.size
-    if value.unit == "1":
-        return f"{100.0 * value.value:+.3g} % (90 %: {100.0 * value.low90:+.3g} to {100.0 * value.high90:+.3g} %)"
-    unit = "" if value.unit == "unit" else f" {value.unit}"
-    return f"{value.value:+.3g}{unit} (90 %: {value.low90:+.3g} to {value.high90:+.3g}{unit})"
+    value, low, high = (quantity(at, one.size.unit) for at in (one.size.value, one.size.low90, one.size.high90))
+    return f"{value} (90 %: {low} to {high})"
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return an amount with its sign and unit; that of a user's own numbers is the user's."""
+    return f"{100.0 * value:+.3g} %" if unit == "1" else f"{value:+.3g}" + ("" if unit == "unit" else f" {unit}")
 
 
 def sentence(found: SystemInvestigation) -> str:
@@ -66,7 +68,7 @@ def say_effect(one: FoundEffect, step: Step) -> str:
         why = f"; {one.withheld}" if not isinstance(one.withheld, UnsetType) else ""
         return f" that no candidate explains{why}{goes if changed else ''}."
     members = [name for name in one.what if name.term in one.set]
-    leader = step.naming.refits.get(members[0].term)
+    leader: SystemFitted | None = step.naming.refits.get(members[0].term)
     sized = size(members[0]) + ("" if leader is None else leader.model.shape_of(members[0].term, leader.point))
     if len(one.set) == 1:
         return f": {label(members[0].term)}: {sized}."
@@ -102,9 +104,7 @@ def smallest(sight: Sight | None, model: SystemModel) -> str:
 
 def amount(one: TermIdentifiability) -> str:
     """Return the smallest size that is seen."""
-    value = one.smallest or 0.0
-    return f"{100.0 * value:.2g} %" if one.unit == "1" else f"{value:.2g}" + (
-        "" if one.unit == "unit" else f" {one.unit}")
+    return quantity(one.smallest or 0.0, one.unit).removeprefix("+")
 
 
 def lines(found: SystemInvestigation) -> list[str]:
@@ -141,8 +141,8 @@ def fit_lines(intervals: Intervals) -> list[str]:
     model: SystemModel = fitted.model
     rows = [(name, f"{value:.5g}", f"{low:.5g}", f"{high:.5g}") for name, value, low, high in intervals.rows]
     said = make_text(("parameter", "value", "low90", "high90"), rows, (1, 2, 3))
-    said += [f"{one.first} and {one.second} cannot be told apart by these runs (correlation {one.correlation:+.3f})"
-             for one in inseparable(fitted)]
+    said += [f"{first} and {second} cannot be told apart by these runs (correlation {correlation:+.3f})"
+             for first, second, correlation in inseparable(fitted)]
     errors = ", ".join(f"{name} {value:.3g}" for name, value in intervals.errors.items())
     said.append(f"runs left out are forecast from their first sample with an RMS error of {errors}")
     if not fitted.settled:

@@ -21,7 +21,7 @@ from truearc.sim.systems import candidates as what
 from truearc.sim.systems.candidates import Candidate
 from truearc.sim.systems.flight import CLOSE, MOST_SUBSTEPS, NO_PUSHES, Stepper
 from truearc.sim.systems.noise import Gains, noise_gains, whiten
-from truearc.sim.systems.sensitivity import Entry, Flights, Flown, SystemLayout, SystemPoint, SystemShape
+from truearc.sim.systems.sensitivity import STEPS, Entry, Flights, Flown, SystemLayout, SystemPoint, SystemShape
 from truearc.sim.systems.system import Recording, Runs, SystemSpec, record
 
 SLOWEST = 0.1                         # of the longest row: the noise's time constant at most (the design)
@@ -258,7 +258,7 @@ class SystemModel(Flights):
     def _pieces(self, count: int) -> Int[Array, "R T"]:
         """The piece that each sample belongs to."""
         real = self.recording.real
-        return np.minimum(np.arange(real.shape[1]) * count // real.sum(1, keepdims=True), count - 1)
+        return np.asarray(np.minimum(np.arange(real.shape[1]) * count // real.sum(1, keepdims=True), count - 1))
 
     def _by_noise(self, point: SystemPoint, off: Float[Array, "R T O"], known: Bool[Array, "R T O"],
                   linear: Array, bend: Array) -> None:
@@ -330,7 +330,7 @@ class SystemModel(Flights):
 
     def shapes(self, names: tuple[str, ...]) -> list[SystemShape]:
         slots = {self.entries[k].column.name: self.entries[k].slot for k in self.layout.source if k >= 0}
-        return [SystemShape(slots[name], k) for name in names
+        return [SystemShape(slots[name], k, step) for step in STEPS for name in names
                 for k, one in enumerate(self.slots[slots[name]].shape) if len(one.values) > 1]
 
     def shared_only(self, names: Iterable[str] = ()) -> "SystemModel":
@@ -375,7 +375,8 @@ class SystemModel(Flights):
     def shape_of(self, name: str, point: SystemPoint) -> str:
         """Return the shape numbers of a candidate in words."""
         return "".join(f", {self.slots[one.slot].shape[one.number].word} "
-                       f"{self.numbers(point, one.slot)[one.number]:.3g}" for one in self.shapes((name,)))
+                       f"{self.numbers(point, one.slot)[one.number]:.3g}" for one in self.shapes((name,))
+                       if one.step == STEPS[0])
 
     def describe(self, name: str) -> tuple[str, str] | None:
         one = self.labels.get(name)
@@ -425,7 +426,6 @@ class SystemModel(Flights):
         return Carrying(model.shared_only(column.name for column in columns), [begin])
 
 
-@dataclass(frozen=True, eq=False, init=False)
 class System(SystemSpec):
     __doc__ = SystemSpec.__doc__
 

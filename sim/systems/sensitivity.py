@@ -22,7 +22,7 @@ from truearc.sim.systems.system import Recording, SystemSpec
 
 DIFFERENCE = 1e-3                     # usual sizes of an effect of the user's own, by which it is moved for a slope
 FINITE = 1e-3                         # prior standard deviations by which a closed program's numbers are moved
-FINE = 0.2                            # of what TRIED is in, by which refits move a shape number; chosen: a quarter
+STEPS = (0.8, 0.2)                    # by which refits move a shape number, in turn; chosen: those of TRIED, a quarter
 FAR = 1e3                             # ranges that a flight which fails counts as off
 
 
@@ -74,10 +74,11 @@ class SystemShape:
 
     slot: int
     number: int
+    step: float
 
     def put(self, point: SystemPoint, place: float) -> SystemPoint:
         places = point.places.copy()
-        places[self.slot, self.number] += FINE * place
+        places[self.slot, self.number] += self.step * place
         return replace(point, places=places)
 
 
@@ -178,11 +179,11 @@ class Flights:
         return ([k for k in active if self.slots[k].slot[0] == "push"],
                 [k for k in active if self.slots[k].slot[0] == "effect"])
 
-    def _pushes(self, point: SystemPoint, active: Sequence[int]) -> Pushes:
+    def _pushes(self, point: SystemPoint, active: list[int]) -> Pushes:
         """Padded to a power of two, so that compiled code is shared."""
         size, last = 0 if not active else 1 << (len(active) - 1).bit_length(), len(self.system.state) + len(self.names)
         kept = [(*push.at(self.numbers(point, k)), push.reads, last if push.times < 0 else push.times, push.rate)
-                for k in (*active, *active[:1] * (size - len(active))) if (push := self.slots[k].push) is not None]
+                for k in active + active[:1] * (size - len(active)) if (push := self.slots[k].push) is not None]
         return Pushes(*map(np.stack, zip(*kept, strict=True))) if kept else NO_PUSHES
 
     def _drive(self, point: SystemPoint, values: Float[Array, "R V"], slots: tuple[int, ...]) -> Any:

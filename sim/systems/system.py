@@ -6,7 +6,7 @@ returns whole runs. Units are the user's own; names should end with theirs.
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -99,9 +99,11 @@ def effect(name: str, push: Callable[..., Any], *, usual: float | None = None) -
     return Effect(name, push, usual)
 
 
-@dataclass(frozen=True, eq=False)
 class SystemSpec:
-    """A simulator with what is believed of it; `found`: effects that were found missing, with what is known of them.
+    """A simulator with what is believed of it.
+
+    outputs: {output: standard deviation of its noise, or None}; found: effects that were found missing, with what is
+    known of them; compiled: code, kept for as long as the system.
 
     Args:
         rate: Function of state, inputs and parameters that returns the derivative of each state. Written with
@@ -115,27 +117,16 @@ class SystemSpec:
         effects: Effects of the user's own.
     """
 
-    rate: Callable[..., Any] | None = None
-    state: Sequence[str] = ()
-    believed: Mapping[str, Believed] = field(default_factory=dict)
-    observe: Mapping[str, float | None] | None = None
-    hold: str = "zero"
-    simulate_run: Callable[..., Any] | None = None
-    start: Mapping[str, Believed] = field(default_factory=dict)
-    effects: Sequence[Effect] = ()
-    found: tuple[tuple[Any, Believed], ...] = ()
-    compiled: dict[Any, Any] = field(default_factory=dict, repr=False)
-
     def __init__(self, rate: Callable[..., Any] | None = None, *, simulate: Callable[..., Any] | None = None,
                  state: Sequence[str] = (), believed: Mapping[str, Believed],
                  observe: Mapping[str, float | None] | None = None, hold: str = "zero",
                  start: Mapping[str, Believed] | None = None, effects: Sequence[Effect] = ()) -> None:
-        observe = dict.fromkeys(state, None) if observe is None else dict(observe)
-        values = {"rate": rate, "simulate_run": simulate, "state": tuple(state), "believed": dict(believed),
-                  "observe": observe, "hold": hold, "start": dict(start or {}), "effects": tuple(effects), "found": (),
-                  "compiled": {}}
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        self.rate, self.simulate_run, self.hold = rate, simulate, hold
+        self.state, self.believed, self.start = tuple(state), dict(believed), dict(start or {})
+        self.outputs: dict[str, float | None] = dict.fromkeys(state, None) if observe is None else dict(observe)
+        self.effects = tuple(effects)
+        self.found: tuple[tuple[Any, Believed], ...] = ()
+        self.compiled: dict[Any, Any] = {}
         self._check()
 
     def _check(self) -> None:
@@ -162,23 +153,15 @@ class SystemSpec:
             raise InputError("System: observe: name at least one output")
 
     @property
-    def outputs(self) -> Mapping[str, float | None]:
-        """{output: standard deviation of its noise, or None}."""
-        assert self.observe is not None
-        return self.observe
-
-    @property
     def starts(self) -> tuple[str, ...]:
         """Names of the numbers that a run starts from."""
-        return tuple(self.state) or tuple(self.outputs)
+        return self.state or tuple(self.outputs)
 
     def with_beliefs(self, believed: Mapping[str, Believed],
                      found: tuple[tuple[Any, Believed], ...] | None = None) -> "SystemSpec":
         """Return the system with other beliefs, and with these effects in it."""
         new = copy(self)
-        object.__setattr__(new, "believed", {**self.believed, **believed})
-        if found is not None:
-            object.__setattr__(new, "found", found)
+        new.believed, new.found = {**self.believed, **believed}, self.found if found is None else found
         return new
 
     def parameters(self, values: Sequence[Any]) -> Any:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import block_diag
+from scipy.stats import multivariate_normal
 
 import truearc as ta
 from tests.conftest import DATA
@@ -100,6 +102,22 @@ def test_whitened_noise_has_the_likelihood_of_its_covariance() -> None:
     assert np.isclose(np.log(gains[1][known]).sum(), np.linalg.slogdet(covariance)[1])
 
 
+def test_scores_are_marginal_likelihoods_and_pieces_add_up() -> None:
+    model = SystemModel.of(spring(), runs_of(frame(2, runs=3)), rows=1)
+    point = model.starts()[0]
+    flown = model.fly(point)
+    off, t = (model.recording.seen - flown.seen)[0], model.recording.time_s[0]
+    covariance = block_diag(*(np.exp(2.0 * white) * np.eye(SAMPLES) + np.exp(
+        2.0 * slow - np.abs(t[:, None] - t) / np.exp(time)) for white, slow, time in point.noise))
+    by_start = np.concatenate([flown.by_start[0, :, k] for k in range(2)])
+    whole, pieces = (model.linearise(point, flown, count)[0] for count in (1, 10))
+    covariance += by_start @ by_start.T
+    assert np.isclose(whole.log_score[0], multivariate_normal.logpdf(off.T.ravel(), cov=covariance))
+    assert len(pieces.rows) == 10 * len(whole.rows) and np.isclose(pieces.log_score.sum(), whole.log_score.sum())
+    np.testing.assert_allclose(pieces.score.sum(0), whole.score.sum(0), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(pieces.information, whole.information, rtol=1e-6, atol=1e-6)
+
+
 def test_fit_finds_the_parameters_within_their_intervals() -> None:
     found = ta.fit(spring(), runs_of(frame(4)))
     assert found.converged
@@ -121,6 +139,15 @@ def test_dry_friction_is_found_and_adopted() -> None:
     better, before = found.adopt(), ta.fit(spring(), runs_of(friction)).system
     errors = [np.sqrt(np.mean((one.simulate(runs_of(unseen))["x_m"] - unseen["x_m"])**2)) for one in (better, before)]
     assert errors[0] < 0.7 * errors[1]
+
+
+@pytest.mark.slow
+def test_end_stop_is_found_with_its_level() -> None:
+    stop = frame(15, push=lambda x, v: -10.0 * max(x - 0.35, 0.0))
+    found = ta.discover(spring(), runs_of(stop), seed=0)
+    assert any(name.endswith("above_x_m") for name in found.record.set or ()), str(found)
+    level = re.search(r"level (\d+\.\d+)", found.sentence)
+    assert level is not None and abs(float(level[1]) - 0.35) < 0.02, str(found)
 
 
 @pytest.mark.slow
