@@ -15,7 +15,20 @@ from truearc.sim.discover.identifiability import Sight, TermIdentifiability
 from truearc.sim.discover.report.finding_text import either, say_chance
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.printed import make_text
-from truearc.sim.report import NO_ORIGIN, Origin, make_page, new_panels, paragraph, picture, table
+from truearc.sim.report import (
+    AFTER,
+    BEFORE,
+    GREY,
+    INK,
+    NO_ORIGIN,
+    PHONE_IN,
+    Origin,
+    make_page,
+    new_panels,
+    paragraph,
+    picture,
+    table,
+)
 from truearc.sim.systems.discovery import (
     Intervals,
     SystemFitted,
@@ -27,7 +40,7 @@ from truearc.sim.systems.discovery import (
 from truearc.sim.systems.score_table import SystemModel
 from truearc.sim.systems.system import SystemSpec
 
-SHOWN = 6                             # candidates that a sentence lists; chosen: a line
+SHOWN = 6                             # candidates that a sentence or a table lists; chosen: a line
 CURVE = 200                           # points of a picture's curve
 
 
@@ -172,26 +185,32 @@ def page(name: str, found: SystemInvestigation, origin: Origin = NO_ORIGIN) -> s
     """Return the report as one HTML page."""
     finding, sections = found.finding, []
     if found.fitted is not None:
-        sections.append(("Recorded and simulated", picture(flights_figure(found), "recorded and simulated",
-                                                          "One row; the better simulator only if one was found.")))
+        shown = picture(flights_figure(found), "recorded and simulated", "One run: recorded (dots), believed (blue)"
+                        f"{' and with what was found (orange)' * (found.more is not None)}.")
         if (figure := curve_figure(found)) is not None:
-            sections.append(("What is missing", picture(figure, "the missing push along a value")))
-        model = found.model
-        sections.append(("Candidates", table(("name", "in words", "probability", "size", "low 90 %", "high 90 %"), [
-            (one.term, model.label_of(one.term), f"{one.probability:.2f}", f"{one.size.value:.4g}",
-             f"{one.size.low90:.4g}", f"{one.size.high90:.4g}") for one in finding.what]) if finding.what else
-            paragraph("No candidate is needed.")))
+            shown += picture(figure, "the missing push along a value", "What is missing; ticks: recorded values.")
+        sections.append(("", f'<div class="pair">{shown}</div>'))
+        names = [(found.model.label_of(one.term), f"{one.probability:.0%}", f"{one.size.value:.3g} (90 %: "
+                  f"{one.size.low90:.3g} to {one.size.high90:.3g})", one.term) for one in finding.what]
+        head, more = ("in words", "probability", "size", "name"), names[SHOWN:]
+        likely = table(head, names[:SHOWN]) if names else paragraph("No candidate is needed.")
+        sections.append(("What it may be", likely + (_folded(f"{len(more)} more", table(head, more)) if more else "")))
         rows = Intervals.of(found.fitted).rows
-        sections.append(("Fitted without it" if finding.mismatch.found else "Fitted", table(
-            ("parameter", "value", "low 90 %", "high 90 %"),
-            [(key, f"{a:.5g}", f"{b:.5g}", f"{c:.5g}") for key, a, b, c in rows])))
-        sections.append(("Tests", table(("test", "statistic", "p alone", "p of all", "amplitude"), [
-            (key, f"{one.statistic:.2f}", f"{one.p_alone:.2g}", f"{one.p_value:.2g}", f"{one.amplitude:.3g}")
-            for key, one in finding.mismatch.tests.items()])))
-    sections.append(("Notes", "".join(paragraph(line) for line in lines(found)[1:])))
+        sections.append(("Tests, numbers and limits", _folded(
+            "Fitted without it" if finding.mismatch.found else "Fitted", table(
+                ("parameter", "value", "low 90 %", "high 90 %"),
+                [(key, f"{a:.5g}", f"{b:.5g}", f"{c:.5g}") for key, a, b, c in rows])) + _folded(
+            "Tests", table(("test", "statistic", "p alone", "p of all", "amplitude"), [
+                (key, f"{one.statistic:.2f}", f"{one.p_alone:.2g}", f"{one.p_value:.2g}", f"{one.amplitude:.3g}")
+                for key, one in finding.mismatch.tests.items()]))))
+    sections.append(("", _folded("Notes", "".join(paragraph(line) for line in lines(found)[1:]))))
     if text := source_of(found.system):
-        sections.append(("The simulator", f"<pre>{html.escape(text)}</pre>"))
+        sections.append(("", _folded("The simulator", f"<pre>{html.escape(text)}</pre>")))
     return make_page(name, finding.sentence, sections, origin)
+
+
+def _folded(summary: str, body: str) -> str:
+    return f"<details><summary>{summary}</summary>{body}</details>"
 
 
 def source_of(system: SystemSpec) -> str:
@@ -206,19 +225,20 @@ def flights_figure(found: SystemInvestigation) -> Figure:
     """The row that gains most: recorded, believed simulator, better one."""
     assert found.fitted is not None
     model, recording = found.model, found.model.recording
-    row, fits = 0, [("believed", found.fitted.without_terms(), "#b3261e")]
+    row, fits = 0, [("believed", found.fitted.without_terms(), BEFORE)]
     if found.more is not None:
         gain = found.more.without_terms().scores.log_score - found.fitted.scores.log_score
         row = int(np.argmax(gain))
-        fits.append(("with it", found.more.without_terms(), "#1b7f3b"))
+        fits.append(("with it", found.more.without_terms(), AFTER))
     outputs = list(model.system.outputs)
-    figure, panels = new_panels(8.0, 2.4 * len(outputs) + 0.6, len(outputs), sharex=True)
+    figure, panels = new_panels(PHONE_IN, 1.5 * len(outputs) + 0.6, len(outputs), sharex=True)
     there = recording.real[row]
     time_s = recording.time_s[row, there]
     for k, (name, axes) in enumerate(zip(outputs, panels, strict=True)):
-        axes.plot(time_s, recording.seen[row, there, k], ".", color="#888888", markersize=2.5, label="recorded")
+        axes.plot(time_s, recording.seen[row, there, k], ".", color=INK, markersize=2.5, label="recorded")
         for label, fit, colour in fits:
-            axes.plot(time_s, _flown(fit)[row, there, k], color=colour, linewidth=1.2, label=label)
+            axes.plot(time_s, _flown(fit)[row, there, k], color=colour, linewidth=1.5, label=label,
+                      linestyle="--" if colour == BEFORE else "-")
         axes.set_ylabel(name)
     panels[0].legend(frameon=False, loc="best", fontsize=8)
     panels[0].set_title(f"run {recording.labels[row]}", fontsize=9, loc="left")
@@ -241,18 +261,18 @@ def curve_figure(found: SystemInvestigation) -> Figure | None:
         return None
     model = found.model
     values = model.sources(found.more.model._states(found.more.point)[0])
-    figure, panels = new_panels(8.0, 2.6 * len(pushes), len(pushes))
+    figure, panels = new_panels(PHONE_IN, 1.8 * len(pushes), len(pushes))
     for axes, (one, prior) in zip(panels, pushes, strict=True):
         assert one.push is not None
         seen = values[one.push.reads][model.recording.real]
         low, high = np.percentile(seen, [1.0, 99.0]).tolist()
         grid = np.linspace(low, high, CURVE)
         height = prior.centre * one.push.law(grid, *one.numbers())
-        axes.plot(grid, height, color="#1b7f3b")
-        axes.axhline(0.0, color="#bbbbbb", linewidth=0.8)
+        axes.plot(grid, height, color=AFTER)
+        axes.axhline(0.0, color=GREY, linewidth=0.8)
         names: Sequence[str] = [*model.system.state, *model.names]
         axes.set_xlabel(names[one.push.reads])
         axes.set_ylabel(f"push on {names[one.push.rate]}")
         axes.plot(seen[::max(len(seen) // 300, 1)], np.full(len(seen[::max(len(seen) // 300, 1)]), axes.get_ylim()[0]),
-                  "|", color="#888888", markersize=6)
+                  "|", color=GREY, markersize=6)
     return figure

@@ -6,6 +6,7 @@ import textwrap
 import time
 from collections import Counter
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from truearc.cli.datasets import GAMES, robot_of_game
 from truearc.robot.config.schema import Config, load_config
 
 if TYPE_CHECKING:
-    from truearc.cli.demo_acts import Act, Sizes
+    from truearc.cli.demo_acts import Act, Envelope, Sizes
     from truearc.sim.report import Origin
 
 MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made again
@@ -47,32 +48,47 @@ def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     (folder / MARK).touch()
     config, envelope = _robot(folder, args.game), acting.draw_effect(seed)
     practice = _practise(folder, config, seed, sizes, args.quiet)
+    with ThreadPoolExecutor(1) as beside:              # the gate needs practice alone
+        gate = beside.submit(_save_gate, folder / "gate.onnx", practice, seed)
+        acts = _play(folder, config, practice, envelope, seed, sizes, args.quiet)
+    gate.result()
+    _say(f"what practice taught the gate: truearc serve {folder / 'gate.onnx'}")
+    origin = origin_of(args)
+    _keep(folder, acts, origin, envelope.effect.terms)
+    filmed = acting.film_event(folder, config.rig, envelope.effect.options, seed, 2 + envelope.number, sizes, practice,
+                               acts["event"])
+    page = acting.save_page(folder, acts, envelope, origin._replace(sha256=hash_dataset(acts["event"].shots)), filmed)
+    print(f"\n== page: {page}; the same again: --seed {seed}   ({time.monotonic() - began:.0f} s)")
+    for what, line in acting.tell(acts, envelope.effect):
+        print(f"{what}: {line}")
+    return 0
+
+
+def _save_gate(path: Path, practice: "Act", seed: int) -> None:
+    from truearc.cli.demo_acts import aimed_shots
+    training = ta.train_gate(aimed_shots(practice.shots), practice.adopted, seed=seed, progress=lambda done, note: None)
+    training.export(path)
+
+
+def _play(folder: Path, config: Config, practice: "Act", envelope: "Envelope", seed: int, sizes: "Sizes",
+          quiet: bool) -> "dict[str, Act]":
+    """Play and tell the event and the control; return all acts."""
+    from truearc.cli import demo_acts as acting
     print(f"\n== the event: one of {len(acting.EFFECTS)} changes has been drawn; it is in an envelope, and no sensor "
           "sees it")
     _say(f"the envelope's SHA-256: {envelope.sha256}")
     event = acting.play_event(config.rig, practice, envelope.effect.options, seed, 2 + envelope.number, sizes,
-                       make_progress("event", args.quiet))
-    ta.train_gate(acting.aimed_shots(practice.shots), practice.adopted, seed=seed,
-                  progress=make_progress("gate", args.quiet)).export(folder / "gate.onnx")
-    _say(f"{_marks(event)}. What practice taught the gate: truearc serve {folder / 'gate.onnx'}")
+                              make_progress("event", quiet))
+    _say(f"{_marks(event)}.")
     _say(event.finding.change)
     write_out(folder / "envelope.txt", envelope.text)
     _say(f"the envelope is opened: {envelope.effect.name} (sha256sum {folder / 'envelope.txt'}); in the words of a "
          f"finding: {envelope.effect.truth}")
     print("\n== the control: another day, and nothing has changed")
     control = acting.play_event(config.rig, practice, acting.NOTHING.options, seed, 1, sizes,
-                                make_progress("control", args.quiet))
+                                make_progress("control", quiet))
     _say(f"{_marks(control)}. Verdict: {control.finding.verdict}")
-    acts = {"practice": practice, "event": event, "control": control}
-    origin = origin_of(args)
-    _keep(folder, acts, origin, envelope.effect.terms)
-    filmed = acting.film_event(folder, config.rig, envelope.effect.options, seed, 2 + envelope.number, sizes, practice,
-                               event)
-    page = acting.save_page(folder, acts, envelope, origin._replace(sha256=hash_dataset(event.shots)), filmed)
-    print(f"\n== page: {page}; the same again: --seed {seed}   ({time.monotonic() - began:.0f} s)")
-    for what, line in acting.tell(acts, envelope.effect):
-        print(f"{what}: {line}")
-    return 0
+    return {"practice": practice, "event": event, "control": control}
 
 
 def _robot(folder: Path, game: str | None) -> Config:

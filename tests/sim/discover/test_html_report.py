@@ -81,7 +81,7 @@ def test_the_story_comes_first_then_pictures_names_and_tests(drifting: Investiga
     origin = Origin("2026-03-01T10:00:00+01:00", "truearc discover week --report 'a b.html'")
     page = pages.make_report("week <1>", drifting, origin)
     text, told = read(page), drifting.finding.told
-    assert f'<p class="verdict">{html_escape(told.change)}</p>' in page
+    assert f'<p class="verdict">{html_escape(told.change)}</p>' in page.replace("\N{NO-BREAK SPACE}", " ")
     head = text[:text.index(told.change)]
     assert f"2026-03-01 10:00:00+01:00 · truearc {version('truearc')}" in head and origin.command in head
     places = [text.index(part) for part in (told.change, told.where, told.worth, told.sure, told.next, "Side view of",
@@ -255,3 +255,16 @@ def test_bands_along_the_flight_show_what_was_pushed() -> None:
     assert all(share_like(panel, colour) > 1e-4 for panel in panels for colour in (BLUE, ORANGE))
     assert share_like(image, ORANGE) == 0.0
     assert pic.draw_flight(make_linear(np.ones((4, 1, 1)), (term("a"),), np.zeros(0)), None, "", []) is None
+
+
+@pytest.mark.parametrize(("by_hood", "drawn"), [(1.2, "distance_m"), (3.0, "hood_deg")])
+def test_residuals_go_with_distance_unless_another_explains_far_more(by_hood: float, drawn: str) -> None:
+    """Both explain a part; of the hood's the size varies."""
+    rng, rows = np.random.default_rng(0), np.arange(160)
+    distance, hood = (Covariate(((name, rng.uniform(-1.0, 1.0, 160)),)) for name in ("distance_m", "hood_deg"))
+    score = distance.values + by_hood * hood.values + 0.1 * rng.normal(size=160)
+    before, after = (pic.LinearResiduals(values, np.ones(160)) for values in (score, 0.0 * score))
+    for corrected, expected in ((after, drawn), (None, "distance_m")):
+        residual = pic.Residual("height", None, "arrival", 1.0, "", before, corrected)
+        chosen = pic.choose([residual], (hood, distance), rows)
+        assert chosen is not None and chosen[1].name == expected
