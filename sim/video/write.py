@@ -166,9 +166,14 @@ def film_of(clips: Sequence[TrackedClip], named: Named) -> Film | None:
     small = cv2.resize(still, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
     _, data = cv2.imencode(".jpg", cv2.convertScaleAbs(small, alpha=FILM_DARKER))
     return Film(data.tobytes(), {
-        name: tuple(map(tuple, (share * to_pixel(flight, placed)).round(3).tolist()))
+        name: _rows(share * to_pixel(flight, placed))
         for one, names in zip(clips, named.shot_id, strict=True) if one.calibration is first.calibration
         for name, flight, placed in zip(names, one.flights, one.placed, strict=False) if name})
+
+
+def _rows(matrix: Floats) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
+    first, second, third = ((round(a, 3), round(b, 3)) for a, b in matrix.tolist())
+    return first, second, third
 
 
 def with_tracker(rig: Rig, clips: Sequence[TrackedClip]) -> Rig:
