@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from truearc.errors import InputError
-from truearc.sim.video.ballistics import Floats
+from truearc.sim.video.ballistics import Floats, fly
 from truearc.sim.video.frames import Image
 from truearc.sim.video.link import Flight, sigma_px
 
@@ -38,6 +38,8 @@ SHEET_S = 1.5                         # before a flight within which the sheet w
 SHEET_MOVED_PX = 4.0                  # farther apart, it was at two places
 CLASH_SDS = 3.0                       # two sources farther apart are not both right
 SAME_EXIT_M = 0.25                    # flights that begin farther apart leave from two launchers
+# Measured: behind people a ball was first seen up to 0.2 s after its release
+HIDDEN_S, HIDDEN_STEPS = 0.3, 16
 
 
 class Mark(NamedTuple):
@@ -286,19 +288,20 @@ def exits_of(flights: Sequence[Flight], metres_per_px: float, exit_px: tuple[flo
     """Group rows of flights by where, from the sheet if that is seen, and in which direction they begin: a group a
     launcher.
 
-    The largest group is first, or that which begins nearest to the exit if that is known.
+    A flight that was hidden at first, as behind a person, belongs to the launcher from which its motion comes. The
+    largest group is first, or that which begins nearest to the exit if that is known.
     """
     began = np.array([(flight.blobs[0].x_px, flight.blobs[0].y_px) for flight in flights])
     stands = np.array([(0.0, 0.0) if sheet is None else (sheet.x_px, sheet.y_px)
                        for sheet in sheets or [None] * len(flights)])
+    before = [_before(flight) - stand for flight, stand in zip(flights, stands, strict=True)]
     groups: list[list[int]] = []
     for row, flight in enumerate(flights):
         for group in groups:
-            first, second = flight.blobs[:2]
-            step_px = np.hypot(second.x_px - first.x_px, second.y_px - first.y_px)      # a first picture may be missed
-            apart_px = np.hypot(*(began[row] - stands[row] - began[group[0]] + stands[group[0]]))
-            if (_forward(flight) == _forward(flights[group[0]])
-                    and apart_px < SAME_EXIT_M / metres_per_px + 2.0 * step_px):
+            first = group[0]
+            apart_px = min(float(np.hypot(*(before[one] - began[other] + stands[other]).T).min())
+                           for one, other in ((row, first), (first, row)))
+            if _forward(flight) == _forward(flights[first]) and apart_px < SAME_EXIT_M / metres_per_px:
                 group.append(row)
                 break
         else:
@@ -306,6 +309,12 @@ def exits_of(flights: Sequence[Flight], metres_per_px: float, exit_px: tuple[flo
     if exit_px is not None:
         return sorted(groups, key=lambda group: np.hypot(*(began[group[0]] - exit_px)))
     return sorted(groups, key=len, reverse=True)
+
+
+def _before(flight: Flight) -> Floats:
+    """Pixels [k, 2] of a flight where it begins and where it was before, if it flew then, as far as HIDDEN_S."""
+    ways = fly(flight.fit.values[:, None], -np.linspace(0.0, HIDDEN_S, HIDDEN_STEPS))[:, :2, 0] * flight.unit_px
+    return np.column_stack([ways[:, 0], -ways[:, 1]])
 
 
 def _forward(flight: Flight) -> int:
