@@ -23,6 +23,7 @@ from truearc.sim.video.link import Flight, sigma_px
 
 # Chosen: blur and coding make a diameter uncertain by this much, for all flights; drawn clips are within 1.5 %
 DIAMETER_SD_PX, DIAMETER_SD = 0.4, 0.02
+BLOB_SD_PX = 0.3                      # measured: of a single diameter, on rendered clips
 MARK_SD_PX = 2.0                      # of a mark clicked on a picture
 DEPTH_SD = 0.015                      # a mark a hand before or behind the flight, seen from 6 m
 TAG_SD_PX = 0.3                       # of a corner of an AprilTag
@@ -271,11 +272,13 @@ class Placed(NamedTuple):
     """A flight in metres.
 
     Fields:
+        metres_per_px: In its own plane.
         time_s: In the clip, corrected for the rolling shutter [n].
         x_m, z_m: Launcher frame [n].
         sigma_x_m, sigma_z_m: Standard deviations of the noise [n].
     """
 
+    metres_per_px: float
     time_s: Floats
     x_m: Floats
     z_m: Floats
@@ -335,13 +338,14 @@ def place_flights(flights: Sequence[Flight], calibration: Calibration, readout_s
         exit_px: The exit in the picture; None: the mean of where the flights begin.
         sheets: The sheet beside each flight, which gives the exit where no mark does; None where it was not seen.
     """
-    scale, mark = calibration.metres_per_px or 1.0, calibration.anchor
+    common, mark = calibration.metres_per_px or 1.0, calibration.anchor
     way = 1 if sum(map(_forward, flights)) >= 0 else -1
     begin = exit_px or tuple(np.median([(one.blobs[0].x_px, one.blobs[0].y_px) for one in flights], axis=0))
     origin = (mark.x_px, mark.y_px, mark.x_m, mark.z_m) if mark else (*begin, 0.0, release_height_m)
     cosine, sine = np.cos(calibration.tilt_rad), np.sin(calibration.tilt_rad)
     placed = []
-    for flight, sheet in zip(flights, sheets or [None] * len(flights), strict=True):
+    for flight, sheet, far in zip(flights, sheets or [None] * len(flights), depths(flights), strict=True):
+        scale = common * float(far)
         if sheet is not None and not mark and exit_px is None:
             ahead, above = (one / scale for one in EXIT_FROM_SHEET_M)
             origin = (sheet.x_px + way * ahead * cosine + above * sine,
@@ -349,11 +353,27 @@ def place_flights(flights: Sequence[Flight], calibration: Calibration, readout_s
         across = np.array([blob.x_px for blob in flight.blobs]) - origin[0]
         up = origin[1] - np.array([blob.y_px for blob in flight.blobs])
         sigma = np.array([sigma_px(blob) for blob in flight.blobs]) * scale
-        placed.append(Placed(np.array([blob.time_s + readout_s * blob.row for blob in flight.blobs]),
+        placed.append(Placed(scale, np.array([blob.time_s + readout_s * blob.row for blob in flight.blobs]),
                              origin[2] + way * scale * (across * cosine - up * sine),
                              origin[3] + scale * (up * cosine + across * sine),
                              sigma * noise_px[0], sigma * noise_px[1]))
     return placed
+
+
+def depths(flights: Sequence[Flight]) -> Floats:
+    """Return how much farther away than usual each flight is, as a ratio, by how large its ball seems.
+
+    Robots do not all stand in one plane. What diameters differ by chance is taken off: flights are as far apart as the
+    variance between them that is left says (empirical Bayes).
+    """
+    logs = np.log([flight.unit_px for flight in flights])
+    # of the median of a third of a flight's diameters
+    own = np.array([1.25 * BLOB_SD_PX / flight.unit_px / np.sqrt(max(len(flight.blobs) / 3.0, 3.0))
+                    for flight in flights])
+    off = logs - np.median(logs)
+    between = max(float((off ** 2 - own ** 2).mean()), 0.0)
+    found: Floats = np.exp(-off * between / (between + own ** 2))
+    return found
 
 
 def noise_factors(flights: Sequence[Flight]) -> tuple[float, float]:

@@ -137,7 +137,7 @@ def save_tracks(folder: Path, clips: Sequence[TrackedClip], named: Named, rig: R
                 continue
             flights.append((name, one.clip.name, float(placed.time_s[0])))
             rows += [(name, f"{t - placed.time_s[0]:.6f}", f"{x:.5f}", "", f"{z:.5f}", f"{sx:.5f}", f"{sz:.5f}")
-                     for t, x, z, sx, sz in zip(*placed, strict=True)]
+                     for t, x, z, sx, sz in zip(*placed[1:], strict=True)]
     if recorded is not None:
         shots, traces = recorded.shots, recorded.traces
         left_out = [*recorded.left_out, *left_out]
