@@ -56,6 +56,8 @@ from truearc.sim.data.import_shots import import_shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.printed import make_text
 from truearc.sim.sysid.session import load_steps
+from truearc.sim.video.frames import open_clip
+from truearc.sim.video.track import watch
 from truearc_frc import maps
 from truearc_frc.wpilog import write_wpilog
 
@@ -66,6 +68,7 @@ BAD = ("traceback", "crash", "hang", "memory", "nameless", "lost")
 ROOT = Path(__file__).parents[1]
 GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
 AIM = ROOT / "tests" / "robot" / "aim.json"
+CLIPS = {"clip.mp4": "libx264", "clip.mov": "libx265", "clip.mkv": "libx264"}        # and codecs
 Result = tuple[int, list[str]]        # rows, warnings
 
 
@@ -156,6 +159,12 @@ def _none(load: Callable[[Path], object], name: str) -> Callable[[Path], Result]
     return read
 
 
+def _clip(home: Path, name: str) -> Result:
+    """Rows are none: frames that a damaged stream lacks are gaps in time, not lost rows."""
+    watch(open_clip(home / name))
+    return 0, []
+
+
 READERS = (
     Reader("wpilog", "logs", "log.wpilog", "wpilog", lambda home: _logs(home, "log.wpilog")),
     Reader("wpilog stranger", "logs", "stranger.wpilog", "wpilog", lambda home: _logs(home, "stranger.wpilog")),
@@ -186,6 +195,8 @@ READERS = (
     Reader("session aim", "toml", "aim.json", "json", _none(load_aim, "aim.json")),
     Reader("onnx", "toml", "gate.onnx", "bytes", _none(load_gate, "gate.onnx")),
     Reader("onnx resealed", "toml", "gate.onnx", "onnx", _none(load_gate, "gate.onnx")),
+    Reader("json film", "dataset", "film.json", "json", _dataset),
+    *(Reader(f"clip {name}", "clips", name, "bytes", partial(_clip, name=name)) for name in CLIPS),
 )
 
 
@@ -193,6 +204,8 @@ def make_originals(home: Path) -> None:
     """Small files of each kind, the same on every run; for a process of its own, as it imports what the fuzzer may not.
     """
     from tests.sim.data.stranger_log import write_stranger_log
+    from tests.sim.video.film import Scene, Throw, film
+    from truearc.sim.data.dataset import Film
     from truearc.sim.data.files import save_rig
     from truearc.sim.world.emulated_robot import emulate
 
@@ -216,6 +229,13 @@ def make_originals(home: Path) -> None:
     shutil.copy(Path(maps.__file__).parent / "truearc.toml", toml / "shots.toml")
     shutil.copy(GATE, toml / "gate.onnx")
     shutil.copy(AIM, toml / "aim.json")
+    places = {f"s{k}": ((100.0, 0.0), (0.0, -100.0), (50.0, 300.0)) for k in range(9)}
+    picture = Film(b"no picture is decoded here", places)
+    (dataset / "film.json").write_bytes(msgspec.json.encode(picture))
+    clips = home / "clips"
+    clips.mkdir()
+    for name, codec in CLIPS.items():
+        film(clips / name, [Throw(0.1, 0.5, 20.0, 60.0, 180.0, -110.0, 540.0)], 0.6, Scene(160, 96, 30.0), codec=codec)
 
 
 def _write_csv_logs(logs: Path) -> None:

@@ -17,12 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from truearc.errors import InputError
-from truearc.sim.video.ballistics import Floats
+from truearc.sim.video.ballistics import Floats, fly
 from truearc.sim.video.frames import Image
 from truearc.sim.video.link import Flight, sigma_px
 
 # Chosen: blur and coding make a diameter uncertain by this much, for all flights; drawn clips are within 1.5 %
 DIAMETER_SD_PX, DIAMETER_SD = 0.4, 0.02
+BLOB_SD_PX = 0.3                      # measured: of a single diameter, on rendered clips
 MARK_SD_PX = 2.0                      # of a mark clicked on a picture
 DEPTH_SD = 0.015                      # a mark a hand before or behind the flight, seen from 6 m
 TAG_SD_PX = 0.3                       # of a corner of an AprilTag
@@ -38,6 +39,8 @@ SHEET_S = 1.5                         # before a flight within which the sheet w
 SHEET_MOVED_PX = 4.0                  # farther apart, it was at two places
 CLASH_SDS = 3.0                       # two sources farther apart are not both right
 SAME_EXIT_M = 0.25                    # flights that begin farther apart leave from two launchers
+# Measured: behind people a ball was first seen up to 0.2 s after its release
+HIDDEN_S, HIDDEN_STEPS = 0.3, 16
 
 
 class Mark(NamedTuple):
@@ -269,11 +272,13 @@ class Placed(NamedTuple):
     """A flight in metres.
 
     Fields:
+        metres_per_px: In its own plane.
         time_s: In the clip, corrected for the rolling shutter [n].
         x_m, z_m: Launcher frame [n].
         sigma_x_m, sigma_z_m: Standard deviations of the noise [n].
     """
 
+    metres_per_px: float
     time_s: Floats
     x_m: Floats
     z_m: Floats
@@ -286,19 +291,20 @@ def exits_of(flights: Sequence[Flight], metres_per_px: float, exit_px: tuple[flo
     """Group rows of flights by where, from the sheet if that is seen, and in which direction they begin: a group a
     launcher.
 
-    The largest group is first, or that which begins nearest to the exit if that is known.
+    A flight that was hidden at first, as behind a person, belongs to the launcher from which its motion comes. The
+    largest group is first, or that which begins nearest to the exit if that is known.
     """
     began = np.array([(flight.blobs[0].x_px, flight.blobs[0].y_px) for flight in flights])
     stands = np.array([(0.0, 0.0) if sheet is None else (sheet.x_px, sheet.y_px)
                        for sheet in sheets or [None] * len(flights)])
+    before = [_before(flight) - stand for flight, stand in zip(flights, stands, strict=True)]
     groups: list[list[int]] = []
     for row, flight in enumerate(flights):
         for group in groups:
-            first, second = flight.blobs[:2]
-            step_px = np.hypot(second.x_px - first.x_px, second.y_px - first.y_px)      # a first picture may be missed
-            apart_px = np.hypot(*(began[row] - stands[row] - began[group[0]] + stands[group[0]]))
-            if (_forward(flight) == _forward(flights[group[0]])
-                    and apart_px < SAME_EXIT_M / metres_per_px + 2.0 * step_px):
+            first = group[0]
+            apart_px = min(float(np.hypot(*(before[one] - began[other] + stands[other]).T).min())
+                           for one, other in ((row, first), (first, row)))
+            if _forward(flight) == _forward(flights[first]) and apart_px < SAME_EXIT_M / metres_per_px:
                 group.append(row)
                 break
         else:
@@ -306,6 +312,12 @@ def exits_of(flights: Sequence[Flight], metres_per_px: float, exit_px: tuple[flo
     if exit_px is not None:
         return sorted(groups, key=lambda group: np.hypot(*(began[group[0]] - exit_px)))
     return sorted(groups, key=len, reverse=True)
+
+
+def _before(flight: Flight) -> Floats:
+    """Pixels [k, 2] of a flight where it begins and where it was before, if it flew then, as far as HIDDEN_S."""
+    ways = fly(flight.fit.values[:, None], -np.linspace(0.0, HIDDEN_S, HIDDEN_STEPS))[:, :2, 0] * flight.unit_px
+    return np.column_stack([ways[:, 0], -ways[:, 1]])
 
 
 def _forward(flight: Flight) -> int:
@@ -326,13 +338,14 @@ def place_flights(flights: Sequence[Flight], calibration: Calibration, readout_s
         exit_px: The exit in the picture; None: the mean of where the flights begin.
         sheets: The sheet beside each flight, which gives the exit where no mark does; None where it was not seen.
     """
-    scale, mark = calibration.metres_per_px or 1.0, calibration.anchor
+    common, mark = calibration.metres_per_px or 1.0, calibration.anchor
     way = 1 if sum(map(_forward, flights)) >= 0 else -1
     begin = exit_px or tuple(np.median([(one.blobs[0].x_px, one.blobs[0].y_px) for one in flights], axis=0))
     origin = (mark.x_px, mark.y_px, mark.x_m, mark.z_m) if mark else (*begin, 0.0, release_height_m)
     cosine, sine = np.cos(calibration.tilt_rad), np.sin(calibration.tilt_rad)
     placed = []
-    for flight, sheet in zip(flights, sheets or [None] * len(flights), strict=True):
+    for flight, sheet, far in zip(flights, sheets or [None] * len(flights), depths(flights), strict=True):
+        scale = common * float(far)
         if sheet is not None and not mark and exit_px is None:
             ahead, above = (one / scale for one in EXIT_FROM_SHEET_M)
             origin = (sheet.x_px + way * ahead * cosine + above * sine,
@@ -340,11 +353,27 @@ def place_flights(flights: Sequence[Flight], calibration: Calibration, readout_s
         across = np.array([blob.x_px for blob in flight.blobs]) - origin[0]
         up = origin[1] - np.array([blob.y_px for blob in flight.blobs])
         sigma = np.array([sigma_px(blob) for blob in flight.blobs]) * scale
-        placed.append(Placed(np.array([blob.time_s + readout_s * blob.row for blob in flight.blobs]),
+        placed.append(Placed(scale, np.array([blob.time_s + readout_s * blob.row for blob in flight.blobs]),
                              origin[2] + way * scale * (across * cosine - up * sine),
                              origin[3] + scale * (up * cosine + across * sine),
                              sigma * noise_px[0], sigma * noise_px[1]))
     return placed
+
+
+def depths(flights: Sequence[Flight]) -> Floats:
+    """Return how much farther away than usual each flight is, as a ratio, by how large its ball seems.
+
+    Robots do not all stand in one plane. What diameters differ by chance is taken off: flights are as far apart as the
+    variance between them that is left says (empirical Bayes).
+    """
+    logs = np.log([flight.unit_px for flight in flights])
+    # of the median of a third of a flight's diameters
+    own = np.array([1.25 * BLOB_SD_PX / flight.unit_px / np.sqrt(max(len(flight.blobs) / 3.0, 3.0))
+                    for flight in flights])
+    off = logs - np.median(logs)
+    between = max(float((off ** 2 - own ** 2).mean()), 0.0)
+    found: Floats = np.exp(-off * between / (between + own ** 2))
+    return found
 
 
 def noise_factors(flights: Sequence[Flight]) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from truearc.sim.video.detect import Blob
 
 # Chosen on clips that tests/sim/video draws and on four by others; no benchmark measures them yet
 FEWEST = 7                            # positions of a flight
-WINDOW_S, KEPT_S = 8.0, 3.0           # blobs that are looked at together; and how long a flight may last
+WINDOW_S, KEPT_S = 14.0, 3.0          # blobs that are looked at together; and how long a flight may last
 GAP_S, GAP_FRAMES = 0.2, 3            # without a blob, after which a flight has ended (the longer)
 MEMORY = 8                            # newest positions that predict the next
 SPEEDS = 400.0                        # diameters a second: more than any ball's
@@ -174,7 +174,8 @@ def _nearest(near: list[Blob], candidates: list[Blob], gravity: tuple[float, flo
     pull = np.diag([0.0, 0.0, (noise / spread) ** 2])
     normal = rows.T @ rows + pull
     goal = rows.T @ place + pull @ np.array([[0.0, 0.0], [0.0, 0.0], [0.0, -typical]])
-    motion, covariance = np.linalg.solve(normal, goal), np.linalg.inv(normal)
+    covariance = np.linalg.inv(normal)
+    motion = covariance @ goal
     found, least = None, np.inf
     for blob in fits:
         ahead = blob.time_s - middle_s

@@ -12,7 +12,7 @@ import numpy as np
 
 from truearc.sim.printed import Printed
 from truearc.sim.video.ballistics import DRAG, LEAN, LIFT, READOUT, Priors
-from truearc.sim.video.calibrate import DIAMETER_SD, DIAMETER_SD_PX, Calibration
+from truearc.sim.video.calibrate import DIAMETER_SD, DIAMETER_SD_PX, Calibration, depths
 from truearc.sim.video.link import Flight, settle
 
 EARTH_M_S2 = 9.81
@@ -97,8 +97,8 @@ def measure_gravity(flights: Sequence[Flight], shared: Priors, calibration: Cali
         diameter_m: Of the ball, as stated; None if it was not.
     """
     unit_px = float(np.median([flight.unit_px for flight in flights]))
-    falls_px = np.array([flight.gravity * flight.unit_px for flight in flights])
-    sds_px = np.array([flight.fit.gravity_sd * flight.unit_px for flight in flights])
+    falls_px, sds_px = np.array([(flight.gravity, flight.fit.gravity_sd) for flight in flights]).T * [
+        flight.unit_px * far for flight, far in zip(flights, depths(flights), strict=True)]
     fall_px, sd_px = _mean(falls_px, sds_px)
     share = float(np.sqrt((sd_px / fall_px) ** 2 + DIAMETER_SD ** 2 + (DIAMETER_SD_PX / unit_px) ** 2))
     asked_m = EARTH_M_S2 * unit_px / fall_px

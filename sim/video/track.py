@@ -124,7 +124,7 @@ class TrackedClip:
         """Return speed and elevation of a flight when it is first seen; the clip has a scale."""
         flight, calibration = self.flights[number], self.calibration
         assert calibration is not None and calibration.metres_per_px is not None
-        unit_m, share = flight.unit_px * calibration.metres_per_px, calibration.scale_sd
+        unit_m, share = flight.unit_px * self.placed[number].metres_per_px, calibration.scale_sd
         velocity = unit_m * flight.fit.values[[VX, VZ]]
         covariance = unit_m ** 2 * flight.fit.covariance[np.ix_([VX, VZ], [VX, VZ])]
         speed = float(np.hypot(*velocity))

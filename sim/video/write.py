@@ -133,7 +133,7 @@ def save_tracks(folder: Path, clips: Sequence[TrackedClip], named: Named, rig: R
                 continue
             flights.append((name, one.clip.name, float(placed.time_s[0])))
             rows += [(name, f"{t - placed.time_s[0]:.6f}", f"{x:.5f}", "", f"{z:.5f}", f"{sx:.5f}", f"{sz:.5f}")
-                     for t, x, z, sx, sz in zip(*placed, strict=True)]
+                     for t, x, z, sx, sz in zip(*placed[1:], strict=True)]
     if recorded is not None:
         shots, traces = recorded.shots, recorded.traces
         left_out = [*recorded.left_out, *left_out]
@@ -162,9 +162,14 @@ def film_of(clips: Sequence[TrackedClip], named: Named) -> Film | None:
     small = cv2.resize(still, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
     _, data = cv2.imencode(".jpg", cv2.convertScaleAbs(small, alpha=FILM_DARKER))
     return Film(data.tobytes(), {
-        name: tuple(map(tuple, (share * to_pixel(flight, placed)).round(3).tolist()))
+        name: _rows(share * to_pixel(flight, placed))
         for one, names in zip(clips, named.shot_id, strict=True) if one.calibration is first.calibration
         for name, flight, placed in zip(names, one.flights, one.placed, strict=False) if name})
+
+
+def _rows(matrix: Floats) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
+    first, second, third = ((round(a, 3), round(b, 3)) for a, b in matrix.tolist())
+    return first, second, third
 
 
 def with_tracker(rig: Rig, clips: Sequence[TrackedClip]) -> Rig:

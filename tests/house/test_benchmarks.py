@@ -24,6 +24,7 @@ QUICK = {
                  "--out worlds.jsonl",
     "discovery_speed": "--shots 60 --level L0",
     "fault_matrix": "--bus virtual --only strangers|disk.turns --out faults.jsonl",
+    "filmed": "--worlds 1 --quick --first 7 --processes 1 --out worlds.jsonl",
     "follow": "--practices 1 --sessions 2 --seasons 0 --seed 11 --processes 1 --out practices.jsonl",
     "fuzz": "--minutes 0.05 --seed 1",
     "gate": "--calls 20 --rounds 1 --shots 40",

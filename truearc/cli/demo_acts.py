@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from itertools import count as count_from
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -36,11 +36,16 @@ from truearc.sim.world.world import (
     TICK_NS,
     Bench,
     ShotSetting,
+    Trial,
     World,
     play_season,
     seen_distance_m,
     shoot,
 )
+
+if TYPE_CHECKING:
+    from truearc.hw.emulated.imaging.phone import Phone
+    from truearc.sim.video.track import TrackedClip
 
 PAPER = ("gravity", "drag", "magnus")                 # the paper's physics
 MARKED_RATIO = 0.85                   # motor speed over free speed, at most
@@ -235,26 +240,35 @@ def film_event(folder: Path, rig: Rig, options: Options, seed: int, number: int,
     if (rig.target is not None and rig.target.faces_up) or find_spec("av") is None:
         return None
     from truearc.hw.emulated.imaging.phone import Phone
-    from truearc.sim.video import write
-    from truearc.sim.video.frames import open_clip
-    from truearc.sim.video.track import View, track_clip
-    from truearc.sim.world.filming import Filmer
-    own, ticks, filmers = APART * seed + 10 * number, count_from(1), list[Filmer]()
+    from truearc.sim.video.write import match_flights, save_tracks
+    own = APART * seed + 10 * number
     settings = marked_settings(rig, practice.adopted, options, own, sizes.marked)[:FILMED]
+    _, tracked = shoot_filmed(folder / "clips", rig, options, own, settings, Phone(*FILM_PX))
+    save_tracks(folder / "data" / "filmed", tracked, match_flights(tracked, event.shots), rig, event.shots)
+    return draw_film(ta.load_dataset(folder / "data" / "filmed"), [practice.adopted, event.adopted])
+
+
+def shoot_filmed(clips: Path, rig: Rig, options: Options, seed: int, settings: Sequence[ShotSetting],
+                 phone: "Phone") -> "tuple[list[Trial], list[TrackedClip]]":
+    """Shoot the settings, as play_season does with this seed, before an emulated phone; track its clips, which go into
+    the new folder `clips`."""
+    from truearc.sim.video.frames import open_clip
+    from truearc.sim.video.track import View, measure
+    from truearc.sim.video.track import watch as watch_clip
+    from truearc.sim.world.filming import Filmer
+    now_ns, filmers = count_from(TICK_NS, TICK_NS), list[Filmer]()
 
     def watch(world: World) -> None:
         if not filmers:
-            filmers.append(Filmer(world, folder / "clips", own, Phone(*FILM_PX),
+            filmers.append(Filmer(world, clips, seed, phone,
                                   *(() if rig.target is None else (rig.target.centre_height_m,))))
-        filmers[0].step(next(ticks) * TICK_NS)
+        filmers[0].step(next(now_ns))
 
-    shoot(rig, options, own, settings, ORDINARY, np.random.default_rng([own, 7]), lambda done, note: None, watch)
+    trials = shoot(rig, options, seed, settings, ORDINARY, np.random.default_rng([seed, 7]), lambda done, note: None,
+                   watch)
     filmers[0].close()
-    tracked = track_clip(open_clip(folder / "clips" / "clip-01.mp4"), View(
-        2.0 * rig.ball.radius_m, release_height_m=rig.launcher.release_height_m, mass_kg=rig.ball.mass_kg))
-    named = write.match_flights([tracked], event.shots)
-    write.save_tracks(folder / "data" / "filmed", [tracked], named, rig, event.shots)
-    return draw_film(ta.load_dataset(folder / "data" / "filmed"), [practice.adopted, event.adopted])
+    view = View(2.0 * rig.ball.radius_m, release_height_m=rig.launcher.release_height_m, mass_kg=rig.ball.mass_kg)
+    return trials, measure([watch_clip(open_clip(path)) for path in sorted(clips.iterdir())], view)
 
 
 def fire(rig: Rig, options: Options, seed: int, aim: ta.AimTable, balls: int) -> Volley:

@@ -9,7 +9,7 @@ import pytest
 
 import truearc as ta
 from tests.sim.video.film import Scene, Throw, film
-from truearc.sim.video.calibrate import Mark, noise_factors
+from truearc.sim.video.calibrate import Mark, depths, noise_factors
 from truearc.sim.video.detect import Blob
 from truearc.sim.video.frames import Clip, open_clip
 from truearc.sim.video.link import settle, sigma_px
@@ -198,6 +198,18 @@ def test_clips_of_a_still_camera_share_one_scale():
     assert BALL_M / 24.5 < one.calibration.metres_per_px < BALL_M / 24.0
     assert third.calibration.metres_per_px == pytest.approx(BALL_M / 24.5)
     assert not one.warnings and not other.warnings and "stood elsewhere" in third.warnings[0]
+
+
+def test_ball_that_seems_smaller_flies_farther_away():
+    near, far = (watched(name, 1, size, np.zeros((360, 640), np.uint8)).flights
+                 for name, size in (("a.mp4", 24.0), ("b.mp4", 23.28)))
+    ratio = depths([*near, *far])
+    assert (ratio[3:] / ratio[:3]).mean() == pytest.approx(24.0 / 23.28, rel=0.004)
+    # what is within the errors of diameters is none
+    rng = np.random.default_rng(3)
+    alike = [settle(tuple(blob._replace(diameter_px=24.0 + rng.normal(0.0, 0.3)) for blob in flight.blobs))
+             for flight in [*near, *near, *near]]
+    assert np.abs(np.log(depths(alike))).max() < 0.003
 
 
 def test_name_of_a_clip_is_its_files(tmp_path):
