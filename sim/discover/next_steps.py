@@ -34,6 +34,7 @@ PACES = (1.0, 0.94, 0.97, 1.03, 1.06)             # of the wheels, times the rec
 KEPT = 300                            # of the candidates, the best by themselves, that further blocks are chosen from
 # Chosen: above the 0.9 of a name, for a plan is itself a forecast
 SURE = 0.95                           # probability from which a name stands alone
+LEAST_GAIN = 0.01                     # probability by which a plan must raise that of one name that stands alone
 LEAST_PROBABILITY = 1e-6             # of a name: the logarithm of none has no end
 MOST_NAMES = 8                        # bounds the work
 MOST_RANDOM = 64                      # times the present shots, up to which random ones are counted
@@ -252,8 +253,9 @@ FEW = 3                               # measurements proposed at most; chosen: a
 
 
 def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> tuple[dict[str, Any], ...]:
-    """Return the configuration at which the two likeliest names differ most, measurements that settle the competing
-    names (or confirm the only one), and what to record for every later shot."""
+    """Return measurements that settle the competing names (or confirm the only one), the configuration at which the
+    two likeliest names differ most, and what to record for every later shot. The configuration comes first if its shots
+    leave one name more often than the best measurement does, and is left out if they hardly ever do."""
     if chosen is None:
         vertical = step.place is not None and step.place.column.direction == "vertical"
         return (*_spin(dataset, vertical), *_about_unknown(step), *_sides(dataset))
@@ -263,7 +265,18 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
     if len(step.chosen) < 2:
         return tuple(steps)
     shot = parting_shot(dataset, step, (step.chosen[0], step.chosen[1]))
-    return (*([shot] if shot else []), *steps, *_sides(dataset))
+    if shot is None:
+        return (*steps, *_sides(dataset))
+    row, asked = shot
+    names = _competing(step)
+    contest = contest_of(step, names)
+    now = float(contest.probability[contest.probability >= SURE].sum())
+    then = chance_of_name(contest, SHOTS * contest.scores.told_by([row]), 0)
+    measured = max((one.probability for one in _measurements(contest, names, 0, step.fitted.model.catalogue)),
+                   default=0.0)
+    if then < now + LEAST_GAIN:
+        return (*steps, *_sides(dataset))
+    return (asked, *steps, *_sides(dataset)) if then >= measured else (*steps, asked, *_sides(dataset))
 
 
 def has_spin(dataset: Dataset) -> bool:
@@ -343,9 +356,9 @@ def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
              f"on which side of the centre, low or high, each {words} passes (column side)"},)
 
 
-def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:
-    """Return the recorded configuration where the two terms, each fitted, forecast the most different heights; None if
-    SHOTS of them would hardly separate the two."""
+def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> tuple[int, dict[str, Any]] | None:
+    """Return the recorded configuration where the two terms, each fitted, forecast the most different heights, and its
+    row of the evidence; None if SHOTS of them would not show the difference."""
     evidence = step.fitted.scores
     plane = evidence.plane
     if plane is None or any(name not in step.naming.refits for name in pair):
@@ -355,15 +368,16 @@ def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[st
     apart = np.abs(one - other) / plane.spread_m
     if apart.max() * SHOTS**0.5 < 1.0:          # standard errors of the mean of SHOTS heights
         return None
-    shot = int(evidence.rows[plane.rows[int(apart.argmax())]])
+    row = int(plane.rows[int(apart.argmax())])
+    shot = int(evidence.rows[row])
     numbers = {name: dataset.shots.number(name)[shot] for name in ("distance_m", "hood_deg", "motor_ratio")}
     if not np.isfinite(list(numbers.values())).all():
         return None
     free_rad_s = dataset.rig.launcher.free_speed_rad_s
     rpm = CONVERTED["rad_s"]["rpm"]
     motor = {"motor_rpm": round(float(numbers["motor_ratio"]) * free_rad_s / rpm)} if free_rad_s else {}
-    return {"do": "shoot", **{name: round(float(value), 3) for name, value in numbers.items()}, **motor, "shots": SHOTS,
-            "separates": [name.partition(".")[0] for name in pair]}
+    return row, {"do": "shoot", **{name: round(float(value), 3) for name, value in numbers.items()}, **motor,
+                 "shots": SHOTS, "separates": [name.partition(".")[0] for name in pair]}
 
 
 def moved_by(evidence: ScoreTable, one: LauncherFit) -> Float[Array, " P"]:

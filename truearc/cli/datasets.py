@@ -208,7 +208,8 @@ def ranges(dataset: "ta.Dataset") -> list[str]:
 def plausibility(dataset: "ta.Dataset") -> list[str]:
     """Return what the plausibility checks of a dataset that passed them have to say."""
     from truearc.sim.check.believable import SCORES, judged_shots
-    objections = [f"warning: {objection}" for objection in dataset.accepted] or ["plausible: every check passed"]
+    objections = [f"warning: {objection}" for objection in dataset.accepted] or [
+        "plausible: every check passed" if len(dataset.shots) else f"{dataset.shots.source}: has no shot yet"]
     flights = {"tracks", "times"} & set(dataset.samples)
     unjudged = [("tracks.csv", "gravity, axes, units of length and time", not flights),
                 (f"{SCORES} scoring shots of known distance, angle and speed",

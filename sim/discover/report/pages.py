@@ -16,7 +16,7 @@ from truearc.sim.discover.detect.covariates import CovariatePair
 from truearc.sim.discover.finding import FindingRecord, FitSummary, Named
 from truearc.sim.discover.identifiability import POWER, TAKEN, Fittable, Sight, TermIdentifiability, sight_of
 from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.next_steps import MOST_RANDOM, Block, Design
+from truearc.sim.discover.next_steps import LEAST_GAIN, MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report import pictures
 from truearc.sim.discover.report import story as stories
@@ -128,7 +128,6 @@ SCHEMA = "truearc.design/1"
 # How a shot must be like the one it is named after, where a name that competes follows a circumstance.
 AS_THEN: dict[str, str] = WORDING["as_then"]
 # Chosen: above the chance of its draws
-LEAST_GAIN = 0.01                     # probability by which a plan must raise that of one name that stands alone
 SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
 
 

@@ -136,7 +136,7 @@ def test_other_words_have_the_sign_of_the_term() -> None:
 @pytest.mark.parametrize(("first", "second", "change", "sure"), [
     (1.0, 0.97, "Two things are off in flight, and these shots cannot tell", "drag (100%) and crosswind (97%)"),
     (0.6, 0.45, "Something is off in flight: if it is drag (60%), the air slows", "crosswind (45%) (two may be there"),
-    (0.6, 0.35, "Something is off in flight: if it is drag (60%), the air", "it may as well be crosswind (35%)."),
+    (0.6, 0.35, "Something is off in flight: if it is drag (60%), the air", "it may also be crosswind (35%)."),
     (0.9, 0.06, "Most likely the air slows the ball", "crosswind (6%) cannot be excluded."),
     (0.15, 0.14, "Something is off in flight, and no name stands out: drag (15%) or cross", "crosswind (14%)")])
 def test_names_that_cannot_be_told_apart_share_the_story(first: float, second: float, change: str, sure: str) -> None:
