@@ -362,5 +362,5 @@ def say_adopted(finding: FindingRecord, provenance: Mapping[str, Any]) -> str:
     if provenance.get("kept"):
         return f"adopted: nothing, the belief stays{but}"
     listed = ", ".join(named)
-    what = f"the average of {listed}, weighted as if exactly one of them were there" if provenance["averaged"] else listed
+    what = f"the average of {listed}, weighted as if just one were there" if provenance["averaged"] else listed
     return f"adopted: {what or 'nothing named, the fitted coefficients alone'}{but}"
