@@ -216,8 +216,7 @@ def push_candidates(system: SystemSpec, recording: Recording, believed: Believed
     kinematic = _kinematic(believed, real, s)
     values = [one[real] for one in believed.values]
     varying = [j for j in range(len(values)) if np.ptp(values[j]) > 1e-9 * (1e-9 + np.abs(values[j]).max())]
-    both_signs = [j for j in range(s) if _both_signs(values[j])]
-    speeds = sorted(set(kinematic.values())) or both_signs
+    speeds = sorted(set(kinematic.values())) or [j for j in range(s) if _both_signs(values[j])]
     rates = [(i, USUAL_PUSH * float(np.sqrt(np.mean(believed.rates[:, :, i][real]**2)))) for i in range(s)
              if i not in kinematic]
     inputs = [(s + k, USUAL_PUSH * (float(np.sqrt(np.mean(values[s + k]**2))) or 1.0)) for k in range(moving)]
@@ -227,7 +226,7 @@ def push_candidates(system: SystemSpec, recording: Recording, believed: Believed
             (0, -1, ("constant", "a constant push", np.ones_like, ()))]
         for j in varying if rate else [j for j in varying if j < s]:
             shapes += [(j, -1, one) for one in _shapes(believed.names[j], values[j], j < s, rate and j in kinematic,
-                                                       j in (speeds if rate else both_signs), j < s + moving)]
+                                                       j in speeds, j < s + moving)]
         for j in speeds if rate else ():
             shapes += [(j, k, (f"{believed.names[k]}_sign_{believed.names[j]}", f"friction against {believed.names[j]} "
                                f"that grows with {believed.names[k]}", _sign, (_width(values[j]),)))
