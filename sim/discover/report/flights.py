@@ -23,7 +23,7 @@ from truearc.sim.physics import catalogue as known
 from truearc.sim.physics.flight import make_law, rk4, start_of
 from truearc.sim.physics.simulate import by_robot, launch_of, leave, opening_of, require, sense
 from truearc.sim.physics.term import Exit
-from truearc.sim.report import AFTER, BEFORE, COLOURS, GREY, INK, PHONE_IN, new_panels
+from truearc.sim.report import AFTER, BEFORE, INK, PHONE_IN, new_panels
 from truearc.sim.statistics import Z90
 
 SHARES = (0.1, 0.5, 0.9)              # of the shots by distance: which flights are drawn
@@ -31,6 +31,8 @@ STEP_S, POINTS = 0.04, 100            # of a flight; an arc is then within 2 mm 
 ACROSS = 60                           # points of an arc
 SHARE = 0.4                           # of a track without settings, from which the rest is forecast
 SAMPLES = 400                         # dots of all tracks, at most
+# Colours of COLOURS before the darkened picture, by day and by night
+ON_DARK, UNKNOWN = {"three": "#5ec962", "two": "#f2b134", "hit": "#5ec962", "miss": "#ff8f8f"}, "#b9c0c8"
 BESIDE = 12                           # simulated flights in the camera's picture, so that each can be followed
 Arc = tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]     # x, height, reach of the band
 
@@ -91,7 +93,7 @@ def draw_film(dataset: Dataset | None, beliefs: Sequence[Belief]) -> Figure | No
         for row in rows:
             mine = places[row]
             x_px, z_px = _to_pixel(film, ids[row], dataset.tracks.x_m[mine], dataset.tracks.z_m[mine])
-            axes.plot(x_px, z_px, lw=1.2, color=COLOURS.get(outcomes[row], GREY))
+            axes.plot(x_px, z_px, lw=1.2, color=ON_DARK.get(outcomes[row], UNKNOWN))
         for number, (row, (x, z, _)) in enumerate(zip(beside, flights, strict=True)):
             axes.plot(*_to_pixel(film, ids[row], x, z), lw=0.9, ls=(0, (3, 1.5)), color="#ffffff",
                       label=said if number == 0 else None)

@@ -8,10 +8,9 @@ import pytest
 import truearc as ta
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Film
-from truearc.sim.discover.report.flights import draw_film
+from truearc.sim.discover.report.flights import ON_DARK, draw_film
 from truearc.sim.infer.belief import Belief
 from truearc.sim.physics.catalogue import BUILT_IN
-from truearc.sim.report import COLOURS
 
 TO_PIXEL = ((50.0, 0.0), (0.0, -40.0), (10.0, 190.0))
 TIMES_S = np.arange(0.0, 0.8, 0.02)
@@ -41,7 +40,7 @@ def test_flights_are_drawn_where_they_were_filmed(tmp_path):
     figure = draw_film(ta.load_dataset(tmp_path / "d"), [falling(), falling(drag={"cd": 0.5})])
     before, after = figure.axes
     real, missed, one, _ = before.lines
-    assert (real.get_color(), missed.get_color()) == (COLOURS["three"], COLOURS["miss"])
+    assert (real.get_color(), missed.get_color()) == (ON_DARK["three"], ON_DARK["miss"])
     assert np.allclose(real.get_xydata(), np.column_stack([10.0 + 50.0 * X_M, 190.0 - 40.0 * Z_M]))
     # the simulation without air is the filmed flight; drag makes it shorter
     height_px = np.interp(110.0, *one.get_xydata().T)
