@@ -62,7 +62,7 @@ def shots_from_sessions(sessions: Sequence[str | Path], name: str, telemetry: bo
         marked = load_trials(session)
         kept, dropped = _split(session, marked)
         left_out += dropped
-        if (session / TRIALS).is_file() and not (session / TRIALS).read_bytes().endswith(b"\n"):
+        if (session / TRIALS).is_file() and not (b"\n" + (session / TRIALS).read_bytes()).endswith(b"\n"):
             left_out.append(f"{session / TRIALS}: cut short: trials after that are missing; truearc session recover "
                             f"{session} puts back what the telemetry holds")
         reader, in_ticks = TickReader(session), dict[int, Trial]()

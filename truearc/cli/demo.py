@@ -82,8 +82,8 @@ def _play(folder: Path, config: Config, practice: "Act", envelope: "Envelope", s
     _say(f"{_marks(event)}.")
     _say(event.finding.change)
     write_out(folder / "envelope.txt", envelope.text)
-    _say(f"the envelope is opened: {envelope.effect.name} (sha256sum {folder / 'envelope.txt'}); in the words of a "
-         f"finding: {envelope.effect.truth}")
+    words = f"in the words of a finding: {envelope.effect.truth}" if envelope.effect.terms else acting.NO_TERM
+    _say(f"the envelope is opened: {envelope.effect.name} (sha256sum {folder / 'envelope.txt'}); {words}")
     print("\n== the control: another day, and nothing has changed")
     control = acting.play_event(config.rig, practice, acting.NOTHING.options, seed, 1, sizes,
                                 make_progress("control", quiet))

@@ -108,6 +108,7 @@ class WorldChange(NamedTuple):
 
 
 NOTHING = WorldChange("nothing changed", Options(), {})
+NO_TERM = "truearc knows no such effect, so a name can only be a look-alike"
 _TABLE = tomllib.loads(Path(__file__).with_name("demo_effects.toml").read_text(encoding="utf-8"))
 EFFECTS = tuple(WorldChange(row["name"], Options(**row["options"]), row["terms"]) for row in _TABLE["effect"])
 
@@ -365,7 +366,7 @@ def tell(acts: Acts, effect: WorldChange) -> list[tuple[str, str]]:
                           f"{practice.volleys[1].balls} balls instead of {practice.volleys[0].best(rig)}."),
             ("Hidden", f"{effect.name}; no sensor saw it."),
             ("Found", f"{event.finding.change.rstrip('.')}, from {len(event.shots.shots)} marked shots."),
-            ("How large", f"{_found(event)}; the truth: {effect.truth}."),
+            ("How large", f"{_found(event)}; the truth: {effect.truth}{'' if effect.terms else f'; {NO_TERM}'}."),
             ("Worth", f"{before.per_ball:.2f} to {after.per_ball:.2f} points a ball ({before.best(rig)} to "
                       f"{after.best(rig)} {scores} of {after.balls}); where nothing had changed it {quiet}.")]
 

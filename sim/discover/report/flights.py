@@ -30,6 +30,7 @@ SHARES = (0.1, 0.5, 0.9)              # of the shots by distance: which flights 
 STEP_S, POINTS = 0.04, 100            # of a flight; an arc is then within 2 mm of the fine one (tests)
 ACROSS = 60                           # points of an arc
 SHARE = 0.4                           # of a track without settings, from which the rest is forecast
+TOGETHER = 40                         # further flights whose beginnings are read; chosen: more take seconds
 SAMPLES = 400                         # dots of all tracks, at most
 # Colours of COLOURS before the darkened picture, by day and by night
 ON_DARK, UNKNOWN = {"three": "#5ec962", "two": "#f2b134", "hit": "#5ec962", "miss": "#ff8f8f"}, "#b9c0c8"
@@ -42,15 +43,17 @@ def draw_flights(investigation: Investigation) -> Figure | None:
     dataset, fitted = investigation.dataset, investigation.fitted
     if dataset is None or fitted is None:
         return None
-    beliefs = beliefs_of(investigation)
-    shown = _choose(dataset)
+    beliefs, rows = beliefs_of(investigation), _choose(dataset)
+    shown = dataset.take(rows)
     try:
         arcs = [_arcs(one, shown) for one in beliefs]
     except InputError:                # no settings: the flights as their beginnings foretell them
-        if shown.tracks is None:
+        if dataset.tracks is None:
             return None
+        others = [row for row, _ in dataset.tracks.by_shot() if row not in rows]
+        known = dataset.take([*rows, *others[:TOGETHER]])       # together they tell the tracker's scale and clock
         arcs = [[(one.place_m[:, 0], one.place_m[:, 2], Z90 * one.sd_m[:, 2])
-                 for one in forecast_flights(shown, belief, SHARE)] for belief in beliefs]
+                 for one in forecast_flights(known, belief, SHARE) if one.row < len(rows)] for belief in beliefs]
     figure, (axes,) = new_panels(PHONE_IN, 3.0)
     for number, (flights, colour) in enumerate(zip(arcs, (BEFORE, AFTER), strict=False)):
         for row, (x, z, reach) in enumerate(flights):
@@ -117,14 +120,14 @@ def beliefs_of(investigation: Investigation) -> list[Belief]:
     return [before, make_belief(investigation, investigation.choice)[0]] if investigation.steps else [before]
 
 
-def _choose(dataset: Dataset) -> Dataset:
-    """The shots at SHARES of the distances; where there are tracks, those with one."""
+def _choose(dataset: Dataset) -> list[int]:
+    """Rows of the shots at SHARES of the distances; where there are tracks, those with one."""
     shots = dataset.shots
     distance_m = np.nan_to_num(shots.number("distance_m"))
     rows = np.arange(len(shots)) if dataset.tracks is None else np.array([row for row, _ in dataset.tracks.by_shot()])
     ranked = rows[np.argsort(distance_m[rows], kind="stable")]
     picked = dict.fromkeys(int(ranked[int(share * (len(ranked) - 1))]) for share in SHARES)
-    return dataset.take(list(picked))
+    return list(picked)
 
 
 def _arcs(belief: Belief, shown: Dataset) -> list[Arc]:

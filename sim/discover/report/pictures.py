@@ -130,11 +130,7 @@ def evidence_after(step: Step) -> ScoreTable:
         return step.fitted.beside(step.refit).scores
     if step.place is None:
         return step.fitted.scores
-    place, evidence = step.place, step.place.correction.scores       # of a fit that may share fewer columns
-    change = np.zeros_like(evidence.score)
-    change[:, place.test.column] = place.correction.after[:, 0]
-    change[:, evidence.first_shared:] = place.correction.after[:, 1:]
-    return evidence.moved(change)
+    return step.place.correction.scores.moved(step.place.correction.after)       # the test's column, then the shared
 
 
 def residuals_of(before: ScoreTable, after: ScoreTable | None, tracked: bool) -> tuple[Residual, ...]:

@@ -210,7 +210,7 @@ def test_console_lines_name_steps_and_what_was_left_out() -> None:
     assert "names: drag 70%" in lines
     sure = msgspec.structs.replace(finding, data=msgspec.structs.replace(finding.data, level="L2"),
                                    what=(named("drag", 0.5, 0.1, 0.99),))
-    assert stories.tell(sure, None).told.sure.endswith("74 in 100 names said to be 99 % likely were right.")
+    assert stories.tell(sure, None).told.sure.endswith("74 in 100 were right in sealed tests.")
     assert text.say_step(steps[0]) == "measure ball mass with a scale"
 
 

@@ -169,6 +169,8 @@ def test_a_free_curve_is_drawn_although_the_fit_has_gained_a_term(drifting: Inve
     assert more.scores.first_shared < step.fitted.scores.first_shared
     before, after = pic.evidence_after(step), pic.evidence_after(replace(step, fitted=more))
     np.testing.assert_array_equal(before.score, after.score)
+    assert step.place is not None and before.columns[0].name == step.place.column.name
+    assert before.log_score.sum() > step.fitted.scores.log_score.sum() + 5.0       # nats: the curve itself is in it
 
 
 def test_data_that_say_nothing_make_a_page_all_the_same() -> None:
