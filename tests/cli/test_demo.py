@@ -103,7 +103,7 @@ def test_the_demo_says_what_was_wrong_how_large_and_what_it_was_worth(tmp_path: 
     assert re.search(r"[12] of them by the robot's own runtime on emulated devices, with images and CAN frames", flat)
     page = (folder / "index.html").read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
     headline = re.search(r'<p class="verdict">(.*?)</p>', page)
-    assert page.count("<svg ") == 2 and all(html.escape(line.partition(": ")[2]) in page for line in last)
+    assert page.count("<svg ") == 3 and all(html.escape(line.partition(": ")[2]) in page for line in last)
     assert headline is not None and "points per ball" in headline[1]
     assert not re.search(r"p-value|log score|interval|significan", headline[1])
     assert (folder / "envelope.txt").read_text(encoding="utf-8") == sealed.text

@@ -6,7 +6,7 @@ import textwrap
 import time
 from collections import Counter
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,8 @@ from truearc.cli.datasets import GAMES, robot_of_game
 from truearc.robot.config.schema import Config, load_config
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from truearc.cli.demo_acts import Act, Envelope, Sizes
     from truearc.sim.report import Origin
 
@@ -48,16 +50,15 @@ def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     (folder / MARK).touch()
     config, envelope = _robot(folder, args.game), acting.draw_effect(seed)
     practice = _practise(folder, config, seed, sizes, args.quiet)
-    with ThreadPoolExecutor(1) as beside:              # the gate needs practice alone
+    with ThreadPoolExecutor(1) as beside:              # the gate needs practice alone, the film not the control
         gate = beside.submit(_save_gate, folder / "gate.onnx", practice, seed)
-        acts = _play(folder, config, practice, envelope, seed, sizes, args.quiet)
+        acts, filmed = _play(folder, config, practice, envelope, seed, sizes, args.quiet, beside)
     gate.result()
     _say(f"what practice taught the gate: truearc serve {folder / 'gate.onnx'}")
     origin = origin_of(args)
     _keep(folder, acts, origin, envelope.effect.terms)
-    filmed = acting.film_event(folder, config.rig, envelope.effect.options, seed, 2 + envelope.number, sizes, practice,
-                               acts["event"])
-    page = acting.save_page(folder, acts, envelope, origin._replace(sha256=hash_dataset(acts["event"].shots)), filmed)
+    page = acting.save_page(folder, acts, envelope, origin._replace(sha256=hash_dataset(acts["event"].shots)),
+                            filmed.result())
     print(f"\n== page: {page}; the same again: --seed {seed}   ({time.monotonic() - began:.0f} s)")
     for what, line in acting.tell(acts, envelope.effect):
         print(f"{what}: {line}")
@@ -71,8 +72,8 @@ def _save_gate(path: Path, practice: "Act", seed: int) -> None:
 
 
 def _play(folder: Path, config: Config, practice: "Act", envelope: "Envelope", seed: int, sizes: "Sizes",
-          quiet: bool) -> "dict[str, Act]":
-    """Play and tell the event and the control; return all acts."""
+          quiet: bool, beside: ThreadPoolExecutor) -> "tuple[dict[str, Act], Future[Figure | None]]":
+    """Play and tell the event and the control; return all acts, and the event's film, which is made beside."""
     from truearc.cli import demo_acts as acting
     print(f"\n== the event: one of {len(acting.EFFECTS)} changes has been drawn; it is in an envelope, and no sensor "
           "sees it")
@@ -84,11 +85,13 @@ def _play(folder: Path, config: Config, practice: "Act", envelope: "Envelope", s
     write_out(folder / "envelope.txt", envelope.text)
     words = f"in the words of a finding: {envelope.effect.truth}" if envelope.effect.terms else acting.NO_TERM
     _say(f"the envelope is opened: {envelope.effect.name} (sha256sum {folder / 'envelope.txt'}); {words}")
+    filmed = beside.submit(acting.film_event, folder, config.rig, envelope.effect.options, seed, 2 + envelope.number,
+                           sizes, practice, event)
     print("\n== the control: another day, and nothing has changed")
     control = acting.play_event(config.rig, practice, acting.NOTHING.options, seed, 1, sizes,
                                 make_progress("control", quiet))
     _say(f"{_marks(control)}. Verdict: {control.finding.verdict}")
-    return {"practice": practice, "event": event, "control": control}
+    return {"practice": practice, "event": event, "control": control}, filmed
 
 
 def _robot(folder: Path, game: str | None) -> Config:
