@@ -121,7 +121,7 @@ def test_the_demo_of_a_hub_counts_its_hits(tmp_path: Path) -> None:
                                for act in ("practice", "event", "control"))):
         words = re.sub(r"<style>.*?</style>|<[^>]*>", " ", text, flags=re.DOTALL)
         assert not re.search(r"\b(threes|twos)\b|\b(an?|no|\d+) (two|three)\b", words)
-    rig = ta.load_rig(tmp_path / "report" / "data" / "event")
+    rig = ta.load_rig(tmp_path / "report" / "data" / "event" / "rig.toml")
     assert rig.target is not None and rig.target.faces_up and rig.ball.radius_m == 0.075
 
 
