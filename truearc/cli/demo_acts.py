@@ -236,7 +236,8 @@ def aimed_shots(practice: ta.Dataset) -> ta.Dataset:
 def film_event(folder: Path, rig: Rig, options: Options, seed: int, number: int, sizes: Sizes, practice: Act,
                event: Act) -> Figure | None:
     """Shoot the event's first balls again before an emulated phone, track its clip, and draw them beside the flights
-    as believed after practice and as found; None without PyAV, and for a target that faces up, which no phone shows.
+    as believed after practice and as found; None without PyAV, for a target that faces up, which no phone shows, and
+    where no flight is found or belongs to a shot.
     """
     if (rig.target is not None and rig.target.faces_up) or find_spec("av") is None:
         return None
@@ -244,9 +245,12 @@ def film_event(folder: Path, rig: Rig, options: Options, seed: int, number: int,
     from truearc.sim.video.write import match_flights, save_tracks
     own = APART * seed + 10 * number
     settings = marked_settings(rig, practice.adopted, options, own, sizes.marked)[:FILMED]
-    _, tracked = shoot_filmed(folder / "clips", rig, options, own, settings, Phone(*FILM_PX))
-    save_tracks(folder / "data" / "filmed", tracked, match_flights(tracked, event.shots), rig, event.shots)
-    return draw_film(ta.load_dataset(folder / "data" / "filmed"), [practice.adopted, event.adopted])
+    try:
+        _, tracked = shoot_filmed(folder / "clips", rig, options, own, settings, Phone(*FILM_PX))
+        save_tracks(folder / "data" / "filmed", tracked, match_flights(tracked, event.shots), rig, event.shots)
+        return draw_film(ta.load_dataset(folder / "data" / "filmed"), [practice.adopted, event.adopted])
+    except ta.InputError:
+        return None
 
 
 def shoot_filmed(clips: Path, rig: Rig, options: Options, seed: int, settings: Sequence[ShotSetting],

@@ -72,7 +72,7 @@ def draw_flights(investigation: Investigation) -> Figure | None:
 def draw_film(dataset: Dataset | None, beliefs: Sequence[Belief]) -> Figure | None:
     """Draw all filmed flights on the camera's picture, coloured by outcome, beside those that each belief simulates.
 
-    None: the tracks are not of clips, or the shots lack settings.
+    None: the tracks are not of clips, no flight belongs to a shot, or the shots lack settings.
 
     Args:
         dataset: Shots with tracks.
@@ -82,7 +82,9 @@ def draw_film(dataset: Dataset | None, beliefs: Sequence[Belief]) -> Figure | No
         return None
     ids, film = dataset.shots.shot_id, dataset.film
     rows = [row for row, _ in dataset.tracks.by_shot() if ids[row] in film.to_pixel]
-    beside = [rows[k] for k in np.unique(np.linspace(0, len(rows) - 1, BESIDE).astype(int))] if rows else []
+    if not rows:
+        return None
+    beside = [rows[k] for k in np.unique(np.linspace(0, len(rows) - 1, BESIDE).astype(int))]
     try:
         arcs = [_arcs(one, dataset.take(beside)) for one in beliefs]
         picture = matplotlib.image.imread(io.BytesIO(film.picture), format="jpeg")

@@ -1,5 +1,7 @@
 """Filmed flights on the camera's picture: where they were, by outcome, beside those of each belief."""
 
+from dataclasses import replace
+
 import cv2
 import msgspec
 import numpy as np
@@ -37,6 +39,8 @@ def test_flights_are_drawn_where_they_were_filmed(tmp_path):
     assert done and draw_film(filmed(), [falling()]) is None
     ta.save_dataset(tmp_path / "d", filmed())
     (tmp_path / "d" / "film.json").write_bytes(msgspec.json.encode(Film(data.tobytes(), dict.fromkeys("ab", TO_PIXEL))))
+    of_no_shot = replace(filmed(), film=Film(data.tobytes(), {}))
+    assert draw_film(of_no_shot, [falling()]) is None
     figure = draw_film(ta.load_dataset(tmp_path / "d"), [falling(), falling(drag={"cd": 0.5})])
     before, after = figure.axes
     real, missed, one, _ = before.lines
