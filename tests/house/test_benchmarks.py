@@ -35,6 +35,7 @@ QUICK = {
     "power": "--level L0 --worlds 1 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
     "real_sets": "DATA/real --only speeds",
     "seasons": "--seasons 1 --changes nothing --practice 40 --event 16 --seed 20060 --processes 1 --out seasons.jsonl",
+    "system_speed": "--runs 8 --samples 150",
     "systems": "--worlds 1 --nulls 1 --runs 8 --seed 11 --processes 1 --out worlds.jsonl",
     "track": "--flights 3 --clips 1 --rates 60 --rows 360 --kinds plain --clutter 2 --matched 2",
     "vision": "--frames 1 --clutter 5 --files 5",
