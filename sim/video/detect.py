@@ -29,8 +29,8 @@ FULL = (85.0, 40.0)
 LEAST_EDGE = 6.0                      # pixels: the diameter of a disk whose edge can be followed
 EDGE_REACH, RADII, DIRECTIONS = 0.9, 48, 48       # diameters from the centre that are looked at; samples of them
 INSIDE, RIM = (0.28, 0.42), (0.34, 0.44)          # diameters from the centre: inside, and near the edge
-# Measured on rendered clips: the mean centre is off by 0.16 pixels, 0.42 without; with three lights that were not used
-# for this choice by 0.06
+# Measured on rendered clips: the mean centre is off by 0.20 pixels, 0.42 without; with three lights that were not used
+# for this choice by 0.07
 SHADING = 0.5                         # share of the fall of the contrast toward the edge that goes on up to it
 LEAST_LIT, OUTLIER = 0.3, 0.4         # of the rim's contrast, at the edge; samples of RADII off a circle
 STREAK = 0.9                          # diameters: a longer way during the exposure is a streak

@@ -34,6 +34,7 @@ QUICK = {
     "plausibility": "--rigs 2 --processes 1 --out rigs.jsonl",
     "power": "--level L0 --worlds 1 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
     "real_sets": "DATA/real --only speeds",
+    "real_systems": "DATA --only tanks",
     "seasons": "--seasons 1 --changes nothing --practice 40 --event 16 --seed 20060 --processes 1 --out seasons.jsonl",
     "system_speed": "--runs 8 --samples 150",
     "systems": "--worlds 1 --nulls 1 --runs 8 --seed 11 --processes 1 --out worlds.jsonl",

@@ -76,7 +76,7 @@ ELSEWHERE = {
     r"^truearc vision": "needs photographs, a board or a person; tests/robot/test_vision*.py run it on drawn ones",
     r"^truearc (track|discover data/(filmed|s )|emulate --film)":
         "films for minutes, or needs clips; tests/sim/video/test_filmed_robot.py runs the chain",
-    r"^python -m benchmarks\.(?!proof)": "test_benchmarks.py runs every benchmark",
+    r"^python -m benchmarks\.(?!proof)": "test_benchmarks.py does; system_rivals needs a package of its own",
     r"^python -m truearc_proof.world.season": "plays hundreds of worlds",
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
     r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"

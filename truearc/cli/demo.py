@@ -55,6 +55,8 @@ def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
         acts, filmed = _play(folder, config, practice, envelope, seed, sizes, args.quiet, beside)
     gate.result()
     _say(f"what practice taught the gate: truearc serve {folder / 'gate.onnx'}")
+    if filmed.result() is None and args.game is None:
+        _say("the page shows no filmed flights: none could be matched to a shot, or PyAV is not installed.")
     origin = origin_of(args)
     _keep(folder, acts, origin, envelope.effect.terms)
     page = acting.save_page(folder, acts, envelope, origin._replace(sha256=hash_dataset(acts["event"].shots)),
